@@ -62,7 +62,10 @@ def test_transfer_to_an_address_without_a_board_fails_with_nack(skin: Skin) -> N
 
 
 def test_half_the_number_of_sub_conversions_halves_the_counts(skin: Skin) -> None:
-    """A raw count is a sum over the sub-conversions of a conversion, so it is proportional to their number."""
+    """A raw count is a sum over the sub-conversions of a conversion, so it is proportional to their number.
+
+    The tolerance of 40 counts is ten times the noise of a raw count on the emulated skin.
+    """
     board = skin.hand.boards[0]
     before = np.median([f.raw_counts for f in _read_frames_of(skin, board.address, 3)], axis=0)
     data = skin.hub.transfer(board.address, bytes([REGISTER_SETTINGS]), ScanSettings.sizeof())
@@ -89,6 +92,7 @@ def test_settings_out_of_range_are_rejected_and_change_nothing(skin: Skin) -> No
 
 
 def test_settings_for_another_converter_are_rejected_and_change_nothing(skin: Skin) -> None:
+    """The settings are valid, but their CRC covers the converter 0x81, which is not the converter of the board."""
     board = skin.hand.boards[0]
     status = Status.parse(skin.hub.transfer(board.address, bytes([REGISTER_STATUS]), Status.sizeof()))
     assert status["front_end"] == FrontEnd.CAPSENSE

@@ -33,6 +33,9 @@ def test_status_counts_the_commands(skin: Skin) -> None:
 
 
 def test_hub_clock_agrees_with_the_clock_of_the_rig(rig: Rig, skin: Skin) -> None:
+    """The limits of 3 % and 0.04 s are larger than the tolerance of the oscillator, 2 %, and than the delay of the two
+    replies in a USB adapter, up to 16 ms each.
+    """
     times = []
     for _ in range(2):
         reply = skin.hub.command(Command.GET_TIME)

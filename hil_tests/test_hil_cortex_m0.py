@@ -158,7 +158,10 @@ def test_executed_board_measures_the_counts_of_a_native_board(hand: Hand, case: 
 
 
 def test_board_with_a_psoc_4100s_measures_the_counts_of_a_native_board(hand: Hand) -> None:
-    """Its scan takes longer, because its converter charges the capacitors first; without noise the counts are equal."""
+    """Without noise, a board that executes the image for a PSoC 4100S has the counts of the natively compiled firmware.
+
+    A scan of the PSoC 4100S takes longer, because its converter charges the capacitors first.
+    """
     board = hand.get_board(ADDRESS)
     settings = WorldSettings(noise_counts=0.0, clock_spread_ppm=0.0)
     forces = np.random.default_rng(3).uniform(0.0, 4.0, hand.n_taxels)

@@ -33,7 +33,10 @@ def test_every_missing_frame_of_a_skin_without_a_hub_is_explained() -> None:
 
 
 def test_loss_without_a_recorded_fault_is_reported() -> None:
-    """The board is unplugged without the knowledge of the soak, which itself injects no fault (mean gap 1e9 s)."""
+    """The test unplugs a board directly in the emulated world, so the soak has no record of this fault.
+
+    The soak itself injects only its first fault, 2 s after the start: the mean time to the next fault is 1e9 s.
+    """
     soak = Soak(SMALL_HAND, SEED, mean_gap_s=1e9)
     soak.run(5.0)
     soak.world.inject("unplug", FIRST)
@@ -45,7 +48,7 @@ def test_loss_without_a_recorded_fault_is_reported() -> None:
 
 
 def test_wrong_counts_are_reported() -> None:
-    """The counts of all taxels are changed to 1234 without the knowledge of the soak."""
+    """The test sets the counts of all taxels to 1234 in the emulated world. The soak expects other counts."""
     soak = Soak(SMALL_HAND, SEED, mean_gap_s=1e9)
     soak.run(3.0)
     soak.world.set_stimulus([1234.0] * soak.world.taxels)

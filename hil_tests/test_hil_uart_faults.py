@@ -34,6 +34,7 @@ def test_one_damaged_byte_loses_only_the_frames_that_contain_it(rig: Rig, skin: 
 @pytest.mark.parametrize("size", [2, 5, 60, 300, 1000])
 @pytest.mark.parametrize("fault", ["up_drop", "up_double"])
 def test_burst_loses_only_the_frames_that_contain_it(rig: Rig, skin: Skin, fault: str, size: int) -> None:
+    """A burst of `size` bytes lies in at most `size` // 40 + 2 frames of 40 bytes or more: its ends cut two frames."""
     read_frames(rig, skin, 0.3)
     counts = KnownCounts(rig)
     read_frames(rig, skin, 0.2)

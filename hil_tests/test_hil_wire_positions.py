@@ -52,6 +52,11 @@ def read_frames_until_events(rig: Rig, skin: Skin, n_events: int, settling_s: fl
 @pytest.mark.needs("faults", "counts")
 @pytest.mark.parametrize("kind", KINDS)
 def test_fault_at_any_byte_of_a_poll_loses_at_most_that_poll(rig: Rig, skin: Skin, kind: str) -> None:
+    """One fault of a kind is injected at each byte of a poll: the address, then the bytes of the snapshot.
+
+    No frame has a wrong count. A fault that may increase no error counter is repaired by the retry, so no frame of the
+    board is missing; any other fault may cost the poll and increases only the counters listed in `KINDS`.
+    """
     assert rig.faults is not None
     fault, second_value, permitted_counters = KINDS[kind]
     address = get_address(rig.hand, BOARD_INDEX)

@@ -82,7 +82,8 @@ def find_active_taxels(signal: FloatArray) -> FloatArray:
 def count_active_by_board(signal: FloatArray) -> FloatArray:
     """Count the active taxels of each of the 17 boards in each of g grasps, as an input of a classifier: f64[g, 17].
 
-    The numbers are divided by `SCALE_TAXELS`, which brings typical inputs to about 1. signal: f64[g, n], counts.
+    The product with the membership matrix bool[n, 17] sums over the taxels of each board. The numbers are divided by
+    `SCALE_TAXELS`, which brings typical inputs to about 1. signal: f64[g, n], counts.
     """
     board = load_hand("original").board_index
     return np.asarray(find_active_taxels(signal) @ (board[:, None] == np.unique(board)) / SCALE_TAXELS)

@@ -3,7 +3,8 @@
 #define ANY_LENGTH 0xFFu
 
 /* Execute the command ENTER: begin a session with the host, which must send the key if a key is configured, and
- * determine the kept slot (the slot that the session must not overwrite). The reply contains silicon id, silicon revision and bootloader version. */
+ * determine the kept slot (the slot that the session must not overwrite). The reply contains silicon id, silicon
+ * revision and bootloader version. */
 static uint8_t enter_session(struct taxel_boot *boot, const struct taxel_boot_packet *packet, uint8_t *reply)
 {
     const struct taxel_boot_config *const config = boot->config;

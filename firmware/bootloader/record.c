@@ -59,8 +59,8 @@ static uint32_t sequence_of(const uint8_t *row)
 }
 
 /* Return the newest valid record in a pair of flash rows, or NULL if neither is valid. The two rows are written in
- * turn, so that a power cut during a write leaves the older record. The signed difference of the sequence numbers selects
- * the newer record even after the 32-bit number has wrapped. */
+ * turn, so that a power cut during a write leaves the older record. The signed difference of the sequence numbers
+ * selects the newer record even after the 32-bit number has wrapped. */
 const uint8_t *taxel_boot_record_newest(const struct taxel_boot_flash *flash, uint16_t first_row, uint32_t magic)
 {
     const uint8_t *const first = taxel_boot_row(flash, first_row);

@@ -1,8 +1,8 @@
 /* Commands that report on the flash, the images and the board. */
 #include "bootloader/internal.h"
 
-/* Execute the command GET_FLASH_SIZE: reply with the first and last row that the host may program, those of the free
- * slot. Returns status ARRAY for a flash array other than 0, otherwise OK. */
+/* Execute the command GET_FLASH_SIZE: reply with the numbers of the first and the last flash row of the free slot, the
+ * only slot that the host may program. Returns status ARRAY for a flash array other than 0, otherwise OK. */
 uint8_t taxel_boot_get_flash_size(struct taxel_boot *boot, const struct taxel_boot_packet *packet, uint8_t *reply)
 {
     const struct taxel_boot_layout *const layout = boot->config->flash.layout;
@@ -53,7 +53,8 @@ uint8_t taxel_boot_get_metadata(struct taxel_boot *boot, const struct taxel_boot
 }
 
 /* Execute the command GET_INFO: reply with the state of the bootloader, the slot for a new image, the boot metadata,
- * I2C address, kind of board and unique id. Before ENTER, also determines the kept slot. Always returns status OK. */
+ * I2C address, kind of board and unique id. Before ENTER, also determines the kept slot (the slot that a host must not
+ * overwrite). Always returns status OK. */
 uint8_t taxel_boot_get_info(struct taxel_boot *boot, const struct taxel_boot_packet *packet, uint8_t *reply)
 {
     const struct taxel_boot_flash *const flash = &boot->config->flash;

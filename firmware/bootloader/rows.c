@@ -46,8 +46,9 @@ static bool is_in_slot(const struct taxel_boot *boot, uint8_t slot, unsigned row
     return row - layout->first_rows[slot] < layout->slot_rows;
 }
 
-/* Write the row buffer to the flash row of the packet, if this row belongs to the free slot, and mark the buffer as
- * empty. Returns the status of the response. */
+/* Write the row buffer to the flash row of the packet, if this row belongs to the free slot (the only slot that the
+ * host may write), and mark the buffer as empty. Returns the status of the response: ACTIVE for a row of the other
+ * slot, ROW_PROTECTED for a row outside both slots. */
 static uint8_t write_row(struct taxel_boot *boot, const struct taxel_boot_packet *packet)
 {
     const uint16_t row = row_of(packet);
@@ -109,8 +110,8 @@ uint8_t taxel_boot_verify_row(struct taxel_boot *boot, const struct taxel_boot_p
 }
 
 /* Execute the command VERIFY_APPLICATION: reply with 1 if the free slot contains a valid image, otherwise 0. A valid
- * image that was programmed in this session becomes the pending image. Returns status VERIFY if this cannot be
- * recorded, otherwise OK. */
+ * image that was programmed in this session becomes the pending image, which is started next. Returns status VERIFY if
+ * this cannot be recorded, otherwise OK. */
 uint8_t taxel_boot_verify_application(struct taxel_boot *boot, const struct taxel_boot_packet *packet, uint8_t *reply)
 {
     const struct taxel_boot_flash *const flash = &boot->config->flash;

@@ -203,16 +203,16 @@ static void count_frame(struct taxel_batch *batch, const struct taxel_frame *fra
     batch->next_sequence = (uint16_t)(frame->sequence + 1u);
 }
 
-/* Return the number of frames that are missing before a frame, from the 16-bit sequence number; 0 for the first
- * frame. */
+/* Return the number of frames that are missing before a frame: the difference of its 16-bit sequence number from the
+ * expected number; 0 for the first frame. */
 static uint16_t compute_lost_before(const struct taxel_batch *batch, const struct taxel_frame *frame)
 {
     return batch->has_sequence ? (uint16_t)(frame->sequence - batch->next_sequence) : 0;
 }
 
 /* Count a frame that this version defines and the frames lost before it, and set the loss and restart members of its
- * row. A restart of the hub begins a new sequence, without a loss. Frames lost before an unknown frame, which has no row,
- * are added to this row. */
+ * row. A restart of the hub begins a new sequence, without a loss. Frames lost before an unknown frame, which has no
+ * row, are added to this row. */
 static void count_sequence(struct taxel_batch *batch, struct taxel_batch_row *row, const struct taxel_frame *frame)
 {
     const bool has_less_uptime = uptime_decreases(batch, frame);
@@ -229,9 +229,9 @@ static void count_sequence(struct taxel_batch *batch, struct taxel_batch_row *ro
     batch->lost_before_unknown = 0;
 }
 
-/* Handler of the deframer for a frame that this version does not define: count it. The frame has a sequence number of
- * its sender, and is therefore no loss; a frame of the other direction has the sequence of another sender and is
- * skipped. */
+/* Handler of the deframer for a frame that this protocol version does not define: count the frame. In an accepted
+ * direction, the sequence number of the frame also continues the sequence of received frames, so that the frame does
+ * not count as lost. A frame of the other direction belongs to the sequence of another sender. */
 static void count_unknown(void *context, const struct taxel_frame *frame)
 {
     struct taxel_batch *batch = context;
@@ -345,10 +345,10 @@ uint64_t taxel_batch_discarded_bytes(const struct taxel_batch *batch)
     return batch->deframer.discarded_bytes;
 }
 
-/* Write the pending answers to key frames as the payload of an ACKNOWLEDGE frame and mark them as sent. An answer either
- * acknowledges a key frame by its id, or (FORGET) states that the host lacks the key frame, so that the board sends a
- * new one. Returns the size of the payload in bytes, 0 if none are pending. Answers that exceed `capacity` stay
- * pending. */
+/* Write the pending answers to key frames as the payload of an ACKNOWLEDGE frame and mark them as sent. An answer
+ * either acknowledges a key frame by its id, or (FORGET) states that the host lacks the key frame, so that the board
+ * sends a new one. Returns the size of the payload in bytes, 0 if no answer is pending. Answers that exceed `capacity`
+ * stay pending. */
 size_t taxel_batch_take_acknowledgements(struct taxel_batch *batch, uint8_t *payload, size_t capacity)
 {
     size_t size = 0;

@@ -105,8 +105,8 @@ static bool take_count(struct range_decoder *decoder, taxel_compact_state state,
     return true;
 }
 
-/* Decode the counts of a delta frame with the taxels' states at the key frame. Returns false if no encoder produces
- * these bytes. Bytes beyond `size` read as 0. */
+/* Decode the counts of a delta frame. `states` [taxels]: predicted count and expected spread of each taxel at the key
+ * frame. Returns false if no encoder produces these bytes. Bytes beyond `size` read as 0. */
 bool taxel_compact_decode(const taxel_compact_state *states, size_t taxels, const uint8_t *bytes, size_t size,
                           uint16_t *counts)
 {

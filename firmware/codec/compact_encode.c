@@ -81,6 +81,7 @@ static bool finish(struct range_encoder *encoder)
 {
     unsigned kept = 0;
     uint32_t value = 0;
+    /* `value`: the smallest number from `low` on that has zeros behind its upper `kept` bytes */
     for (; kept < 4u; kept++) {
         const uint32_t below = kept ? (1u << (32u - 8u * kept)) - 1u : 0xFFFFFFFFu;
         value = (encoder->low + below) & ~below; /* may wrap: then it is a carry and zeros */
@@ -106,8 +107,9 @@ static bool finish(struct range_encoder *encoder)
     return true;
 }
 
-/* Encode counts (2 bytes each, little-endian) with the taxels' states at the key frame. Returns false if the code needs
- * more than `capacity` bytes; otherwise `size` is set to its length. */
+/* Encode counts (2 bytes each, little-endian) as a delta frame. `states` [taxels]: predicted count and expected spread
+ * of each taxel at the key frame. Returns false if the code needs more than `capacity` bytes; otherwise `size` is set
+ * to the length of the code. */
 bool taxel_compact_encode(const taxel_compact_state *states, const uint8_t *counts, size_t taxels, uint8_t *bytes,
                           size_t capacity, size_t *size)
 {

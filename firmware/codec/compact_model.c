@@ -59,8 +59,8 @@ uint8_t taxel_compact_raw_bits(taxel_compact_state state)
 
 /* Return the cumulative frequency, out of 2^TAXEL_COMPACT_TOTAL_BITS, of all symbols below `symbol`. A symbol is a
  * count without its uncoded low bits. The distribution is symmetric about the predicted count and scales with the
- * expected spread; a table is interpolated linearly up to TAXEL_COMPACT_REACH (8 spreads). The lowest frequencies belong
- * to the escape, a symbol that announces a count too far from the prediction. */
+ * expected spread; a table is interpolated linearly up to TAXEL_COMPACT_REACH (8 spreads). The lowest frequencies
+ * belong to the escape, a symbol that precedes a count too far from the prediction. */
 uint32_t taxel_compact_cumulative(taxel_compact_state state, uint32_t symbol)
 {
     const uint32_t middle = TAXEL_COMPACT_ESCAPE + cumulative[TAXEL_COMPACT_REACH >> TAXEL_COMPACT_STEP_BITS];

@@ -21,8 +21,9 @@ struct taxel_bench {
     struct host_script script;
 };
 
-/* Open an emulated hand for a test program. uart: endpoint of the host. counts: the stimulus is in counts instead of
- * forces. Returns NULL after an error line on stderr. */
+/* Open an emulated hand for a test program. uart: how the host is connected: `pty` (pseudo-terminal), `memory` (buffer
+ * in this process) or `none`. counts: the stimulus is in raw counts instead of newtons. Returns NULL after an error
+ * line on stderr. */
 struct taxel_bench *taxel_bench_open(const char *world_path, const char *uart, int counts)
 {
     struct taxel_bench *bench = calloc(1, sizeof *bench);
@@ -57,7 +58,7 @@ void taxel_bench_close(struct taxel_bench *bench)
     }
 }
 
-/* Return the path of the pseudo-terminal to which a host connects; empty if the bench uses memory. */
+/* Return the path of the pseudo-terminal to which a host connects; empty if the bench has no pseudo-terminal. */
 const char *taxel_bench_pty_name(const struct taxel_bench *bench)
 {
     return bench->endpoint.pty_name;

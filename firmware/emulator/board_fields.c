@@ -28,8 +28,8 @@ static struct interval get_present_interval(const struct board_fields *fields)
     return interval;
 }
 
-/* Return the position of a virtual time in the present interval, 0 at its start to 1 at its end; 0 while the fields are
- * constant. */
+/* Return the position of a virtual time in the present interval, which lies between two successive samples of the
+ * taxels' fields: 0 at its start to 1 at its end; 0 while the fields are constant. */
 double board_fields_fraction(const struct board_fields *fields, vtime time)
 {
     const struct interval interval = get_present_interval(fields);
@@ -92,8 +92,9 @@ static void compute_past_rises(const struct board_fields *fields, const struct l
     }
 }
 
-/* Subtract the delay of a late board from *time. Returns whether the result precedes the present interval; `span` then
- * contains the fields around it. */
+/* Subtract the delay of the board's response (effect `late`) from *time. Returns whether the result precedes the
+ * present interval between two samples of the fields; `span` then contains the recorded fields before and after the
+ * result. */
 static bool find_past_span(const struct board_fields *fields, vtime *time, struct late_span *span)
 {
     if (!fields->history) {
@@ -108,8 +109,8 @@ static bool find_past_span(const struct board_fields *fields, vtime *time, struc
     return true;
 }
 
-/* Return the relative rise of the capacitance of one taxel at a virtual time, from the history, the skin model or the
- * force of the stimulus. */
+/* Return the relative rise of the capacitance of one taxel at a virtual time. The source is the history if the board's
+ * response is delayed to before the present interval, otherwise the skin model or the force of the stimulus. */
 double board_fields_rise(const struct board_fields *fields, size_t taxel, vtime time)
 {
     struct late_span span;
@@ -139,7 +140,7 @@ static void compute_present_rises(const struct board_fields *fields, vtime time,
         return;
     }
     const struct taxel_field *before = skin->boards[fields->source].before, *after = skin->boards[fields->source].after;
-    const double weight = skin->until == VTIME_NEVER ? 1.0 : fraction;
+    const double weight = skin->until == VTIME_NEVER ? 1.0 : fraction; /* no change is scheduled: `after` */
     for (size_t taxel = 0; taxel < fields->taxels; taxel++) {
         rise[taxel] = before[taxel].rise + weight * (after[taxel].rise - before[taxel].rise);
     }
@@ -196,6 +197,7 @@ int board_fields_remember(struct board_fields *fields, vtime now)
     }
     if (skin->boards) {
         const struct skin_board *board = &skin->boards[fields->source];
+        /* while no change is scheduled, the present fields are `after` */
         memcpy(stored, skin->until == VTIME_NEVER ? board->after : board->before, fields->taxels * sizeof *stored);
         return 0;
     }

@@ -26,8 +26,9 @@ static double compute_clock_drift_lead_s(const struct board_node *board, vtime t
 }
 
 /* Return the CPU cycles from the entry of the interrupt that starts a conversion up to the start of this conversion.
- * COST_...: cycles of parts of the firmware, counted in executed images (costs.h). `crossing` is divided by the number
- * of columns, which takes a time that depends on the quotient `tx`; crossings without a taxel are skipped one by one. */
+ * COST_...: cycles of parts of the firmware, counted in executed images (costs.h). The firmware divides `crossing` by
+ * the number of columns, which takes a time that depends on the quotient `tx`, and skips crossings without a taxel one
+ * by one. */
 static unsigned compute_conversion_start_cycles(const struct board_node *board, uint16_t crossing, uint8_t tx)
 {
     static const uint8_t division_cycles[TAXEL_LINES_MAX] = COST_QUOTIENT;
@@ -314,7 +315,8 @@ static vtime interrupt_begin_time(const struct board_node *board, vtime time)
     return vtime_max(time, board->cpu_free > time ? board->cpu_free - board_cycles_to_time(board, COST_TAIL_CHAIN) : 0);
 }
 
-/* Delay the work of the main loop by the duration of an interrupt. */
+/* Delay the work of the main loop, the coding of a compact snapshot that ends at compact_end, by the duration of an
+ * interrupt. */
 static void delay_main_loop(struct board_node *board, vtime duration)
 {
     if (board->compact_end != VTIME_NEVER) {

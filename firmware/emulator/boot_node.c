@@ -101,7 +101,8 @@ static void store_factory_image(struct boot_node *boot, const uint8_t version[3]
                   taxel_crc32(header_crc, image + TAXEL_BOOT_IMAGE_HEADER_SIZE, VECTORS_SIZE));
 }
 
-/* Return the row of a record: `row` on a part with 32 KiB, and as far before the end of a larger flash. */
+/* Return the flash row of a record. `row`: the row on a part with 32 KiB of flash; on a larger part, the row has the
+ * same distance from the end of the flash. */
 static uint16_t record_row(const struct boot_node *boot, uint16_t row)
 {
     const uint32_t rows = boot->flash.size / FLASH_ROW_SIZE;
@@ -124,7 +125,8 @@ static void store_factory_configuration(struct boot_node *boot, const struct boa
 }
 
 /* Initialise the bootloader of a board or of the hub with an erased flash. `boot_ms`: total boot time in milliseconds,
- * of which the bootloader takes at most half. part: of a device that executes an image; NULL: a part with 32 KiB. */
+ * of which the bootloader takes at most half. `part`: the emulated chip, if the device executes an image; NULL
+ * otherwise, which selects a flash of 32 KiB. */
 static void init_common(struct boot_node *boot, const struct world_description *world,
                         const struct taxel_boot_layout *layout, const struct psoc_part *part,
                         const uint8_t unique_id[8], double boot_ms)

@@ -108,8 +108,9 @@ void bus_wiring_apply_fault(struct bus_wiring *wiring, size_t branch, const stru
     solve(wiring);
 }
 
-/* Return a byte in which each rising bit is misread as 0 with this probability, and count the misread bits. The bit
- * before the byte is a 0: start condition or acknowledge. number: of the branch from 1. */
+/* Return a byte in which each 1 that follows a 0 is misread as 0 with this probability, because the line rises slowly.
+ * Also counts the misread bits. The bit before the byte is a 0: start condition or acknowledge. number: 0 for boards
+ * directly at the hub, otherwise the number of the branch from 1. */
 static uint8_t apply_misreads(struct bus_wiring *wiring, size_t number, double probability, uint8_t byte)
 {
     uint8_t received = byte;

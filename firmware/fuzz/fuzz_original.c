@@ -167,7 +167,7 @@ static size_t header_length(size_t start)
 }
 
 /* Return whether position `end` is followed by a header, by the end of the stream, or by the beginning of a header that
- * the end of the stream cuts. */
+ * the end of the stream cuts off. The first two bytes of a header are the start byte 0x01 and a length. */
 static bool is_followed(size_t end)
 {
     if (end + HEADER <= stream_size) {
@@ -220,8 +220,8 @@ static bool is_plausible(uint32_t time_ms, size_t start)
     return result;
 }
 
-/* Fill `expected` by the definition of the framing rule: find all candidates, then accept those that no candidate of
- * greater rank overlaps. */
+/* Fill `expected` by the definition of the framing rule: find all candidates (possible messages from a header to the
+ * end byte 0x0A), then accept each candidate that overlaps no candidate of greater rank. */
 static void define_result(void)
 {
     memset(&expected, 0, sizeof expected);

@@ -316,10 +316,11 @@ static bool config_is_valid(uint16_t claimed_taxels)
            model.address <= 0x77 && model_settings_are_valid(model.boot_settings);
 }
 
-/* Choose the configuration of model and firmware from the input, mostly a valid one. Returns whether their counters
- * shall start just below their limits. */
+/* Choose the configuration of model and firmware from the input, mostly a valid one. The bits of the first
+ * byte, `options`, select its properties. Returns whether the counters shall start just below their limits. */
 static bool choose_board(struct fuzz_input *input)
 {
+    /* 160 sub-conversions, clock dividers 40 and 1, IDAC code 16, 96 settle cycles (struct taxel_scan_settings) */
     static const uint8_t usual[MODEL_SETTINGS_SIZE] = {160, 0, 40, 0, 1, 16, 96, 0};
     const uint8_t options = fuzz_u8(input);
     memset(&model, 0, sizeof model);

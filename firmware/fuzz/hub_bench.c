@@ -276,7 +276,8 @@ static void run_for(uint64_t microseconds)
     }
 }
 
-/* Bring a started hub into `state`: with handshake (BENCH_WARM), or streaming as well (BENCH_STREAMING). */
+/* Bring a started hub into `state`: boards found and handshake completed (BENCH_WARM), or also streaming for three poll
+ * cycles (BENCH_STREAMING). */
 static void warm_up(enum bench_state state)
 {
     /* 77, 78: arbitrary tags of the two requests */

@@ -97,9 +97,9 @@ static void read_snapshot(struct bench_board *board, uint8_t *bytes)
 }
 
 /* Write the content of a board's register COMPACT to `bytes` (length byte, compact snapshot with CRC-32) and return its
- * size. Odd sequence numbers give a delta frame, even ones a packed frame with 16 bits per count, and a board that
- * holds its scan gives the single byte 0 (no new snapshot). The counts, and the 0 to 7 bytes of coded counts in a delta
- * frame, are arbitrary, because the hub checks only the CRC. */
+ * size. Delta frames and packed frames (16 bits per count) alternate: a delta frame follows each odd sequence
+ * number. A board that holds its scan gives the single byte 0 (no new snapshot). The counts, and the 0 to 7 bytes of
+ * coded counts in a delta frame, are arbitrary, because the hub checks only the CRC. */
 static size_t read_compact(struct bench_board *board, uint8_t *bytes)
 {
     const bool is_delta = board->sequence & 1u;
@@ -119,8 +119,8 @@ static size_t read_compact(struct bench_board *board, uint8_t *bytes)
     return 1u + size;
 }
 
-/* Write the bytes to `bytes` that a board returns from the register at its pointer; 0xFF beyond the register's end and
- * for an undefined register. A device that is not a sensor board returns a constant byte. */
+/* Fill `bytes` with the content of the register to which the board's register pointer points; 0xFF beyond the
+ * register's end and for an undefined register. A device that is not a sensor board returns a constant byte. */
 static void answer_read(struct bench_board *board, uint8_t *bytes, size_t size)
 {
     /* a compact snapshot has a length byte and is padded to a multiple of four bytes */

@@ -321,8 +321,8 @@ static void execute_command(struct taxel_hub *hub, uint8_t command, const uint8_
     }
 }
 
-/* Check and execute the COMMAND frame in the inbox; `size`: bytes of its payload. The previous command has been
- * answered. */
+/* Check and execute the COMMAND frame in the inbox; `size`: bytes of its payload. Called only after the reply to the
+ * previous command has been queued. */
 void taxel_hub_handle_command(struct taxel_hub *hub, size_t size)
 {
     struct taxel_command_header header;

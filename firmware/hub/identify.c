@@ -108,7 +108,8 @@ static bool settings_match(const struct taxel_hub_slot *board, const uint8_t *by
 }
 
 /* Evaluate the scan settings that were read back from a board after a write. Settings that differ are reported as
- * rejected and are not written again after the board's next restart; after a failed read-back they are. */
+ * rejected and are not written again after the board's next restart. After a failed read-back, the settings are also
+ * reported as rejected, but they are written again after the next restart. */
 void taxel_hub_finish_check_settings(struct taxel_hub *hub, struct taxel_hub_slot *board, int8_t result)
 {
     const uint8_t *bytes = taxel_hub_bytes(hub, hub->job.pool_offset);
@@ -121,8 +122,9 @@ void taxel_hub_finish_check_settings(struct taxel_hub *hub, struct taxel_hub_slo
     }
 }
 
-/* Evaluate the scan settings that were read from a board after its identity, into the bytes behind the identity:
- * the layout of BOARD_INFO. With valid settings the board is polled from then on. */
+/* Evaluate the scan settings that were read from a board after its identity. They are stored directly behind the
+ * identity, so that both form the payload of a BOARD_INFO frame. With valid settings the board is polled from then
+ * on. */
 void taxel_hub_finish_read_settings(struct taxel_hub *hub, struct taxel_hub_slot *board, int8_t result)
 {
     const uint8_t *bytes = taxel_hub_bytes(hub, hub->job.pool_offset) + TAXEL_IDENTITY_SIZE;

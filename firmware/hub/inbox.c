@@ -77,9 +77,9 @@ static struct body body_at_tail(const struct taxel_inbox *inbox, uint8_t size)
         .ring = inbox->ring, .at = inbox->tail, .ahead = size, .whitening = (uint8_t)TAXEL_WHITENING_SEED};
 }
 
-/* Return the next byte of a frame body in the receive ring, unstuffed and unwhitened; NO_BYTE if its block reaches past
- * the chunk. Every accepted body is shorter than a full block of 254 bytes, so a zero follows each block but the
- * last. */
+/* Return the next byte of a frame body in the receive ring, unstuffed and unwhitened; NO_BYTE if the byte's COBS block
+ * reaches past the next delimiter. The caller has opened the first block. Every accepted body is shorter than a full
+ * block of 254 bytes, so a zero follows each block but the last. */
 static int next_byte(struct body *body)
 {
     uint8_t byte = 0;

@@ -122,8 +122,8 @@ bool taxel_hub_launch_acknowledge(struct taxel_hub *hub, uint8_t slot)
     return true;
 }
 
-/* Start the write of the board's scan settings with their CRC-32, which covers the I2C address, the front end unless it is
- * 0, and the settings, so that a board rejects settings for another board or another converter. */
+/* Start the write of the board's scan settings with their CRC-32. The CRC covers the I2C address, the front end (kind
+ * of converter) unless it is 0, and the settings, so that a board rejects settings for another board or converter. */
 void taxel_hub_launch_write_settings(struct taxel_hub *hub, uint8_t slot)
 {
     struct taxel_hub_slot *board = slot_at(hub, slot);

@@ -23,7 +23,8 @@ TAXEL_OWN_FRAME size_t taxel_hub_uart_pending(const struct taxel_hub *hub)
 }
 
 /* Copy up to `size` queued bytes for the UART to `bytes`; returns their number. Called from the UART interrupt. A
- * large frame is copied from the transfer pool once the ring has been sent up to the frame's mark. */
+ * large frame is copied from the transfer pool once the UART has taken the ring's bytes up to the frame's mark, the
+ * ring position at which the frame was queued. */
 size_t taxel_hub_uart_pull(struct taxel_hub *hub, uint8_t *bytes, size_t size)
 {
     const struct taxel_hub_config *config = taxel_hub_config_of(hub);
@@ -65,8 +66,9 @@ static size_t report_reserve(const struct taxel_hub *hub)
     return hub->report.active ? taxel_encoded_size_max(TAXEL_HUB_STATUS_SIZE) : 0;
 }
 
-/* Return the number of bytes that a frame of this type must leave free in the transmit ring: every frame except a reply
- * leaves space for one reply; a frame that can wait also leaves space for the small frames that cannot wait. */
+/* Return the number of bytes that a frame of this type must leave free in the transmit ring: every frame except
+ * a reply or a handshake leaves space for one reply; a frame that can wait also leaves space for the small frames that
+ * cannot wait. */
 static size_t reserve_for(const struct taxel_hub *hub, uint8_t type)
 {
     switch (type) {

@@ -106,7 +106,8 @@ bool taxel_hub_retry(struct taxel_hub *hub, struct taxel_hub_slot *board)
 }
 
 /* Evaluate a poll whose transfer failed with `result`. After a NACK or a bus error, a second attempt is scheduled
- * first; a timeout or a second failure is counted by its kind. The bus is freed after everything but a NACK. */
+ * first. A timeout, a second failure, and a fault that the recovery of the bus cannot remove are counted by their kind.
+ * The bus is recovered after every failure except a NACK. */
 static void finish_failed_poll(struct taxel_hub *hub, struct taxel_hub_slot *board, int8_t result)
 {
     switch (result) {
@@ -180,8 +181,8 @@ static void add_slot(struct taxel_hub *hub, uint8_t address)
     }
 }
 
-/* Evaluate a probe of one address by the bus scan: add a new board, or update the state of a known one. The result for
- * SCAN_BUS is a bitmap in the inbox's payload buffer. */
+/* Evaluate a probe of one I2C address: add a new board, or update the state of a known board. During a scan for the
+ * command SCAN_BUS, each address that acknowledges sets its bit in a bitmap in the inbox's payload buffer. */
 static void finish_address_probe(struct taxel_hub *hub, int8_t result)
 {
     const struct taxel_job *job = &hub->job;

@@ -6,8 +6,8 @@
 #include "hub/internal.h"
 
 /* Set hub->job.pool_offset to a free part of the transfer pool, the memory for bytes read over I2C, for a transfer that
- * reads `size` bytes. Returns false if there is none at present. The occupied part consists of the queued large frames
- * and the unframed bytes, which follow each other in order of time as in a ring. */
+ * reads `size` bytes. Returns false if no part is free at present. The occupied part is [begin, end), as in a ring: the
+ * queued large frames from the oldest to the newest, then the unframed bytes. */
 bool taxel_hub_find_buffer(struct taxel_hub *hub, size_t size)
 {
     const struct taxel_outbox *outbox = &hub->outbox;

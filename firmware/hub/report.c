@@ -37,8 +37,8 @@ TAXEL_OWN_FRAME static bool send_hub_status(struct taxel_hub *hub)
     return taxel_hub_try_send(hub, TAXEL_FRAME_TYPE_HUB_STATUS, bytes, sizeof bytes, NULL, 0);
 }
 
-/* Return the number of polls of a board, modulo 2^32. The slot stores only the low 8 bits; the sum of the outcome
- * counters, at most one smaller, supplies the others. */
+/* Return the number of polls of a board, modulo 2^32. The slot stores only the low 8 bits. The upper bits follow
+ * from the sum of the outcome counters, which is at most 1 smaller (a poll in progress has no outcome yet). */
 uint32_t taxel_hub_polls(const struct taxel_hub_slot *slot)
 {
     const uint32_t ended = slot->forwarded + slot->repeated + slot->nacks + slot->timeouts + slot->crc_errors +

@@ -22,7 +22,7 @@ static bool host_owns_idle_bus(const struct taxel_hub *hub)
 }
 
 /* Start a transfer that the board needs before its poll: a read of its identity or a write of its scan settings.
- * Returns false if it needs none. */
+ * Returns false if the board needs no such transfer. */
 static bool launch_upkeep(struct taxel_hub *hub, uint8_t slot)
 {
     const struct taxel_hub_slot *board = slot_at(hub, slot);
@@ -38,8 +38,8 @@ static bool launch_upkeep(struct taxel_hub *hub, uint8_t slot)
     return false;
 }
 
-/* Start a transfer that the first of the boards needs apart from polls: a read of its identity or a write of its scan
- * settings. Returns false if no board needs one. */
+/* Find the first board that needs a read of its identity or a write of its scan settings, and start this transfer.
+ * Returns false if no board needs one. */
 static bool launch_any_upkeep(struct taxel_hub *hub)
 {
     for (uint8_t i = 0; i < hub->slot_count; i++) {
@@ -91,8 +91,8 @@ static enum launch launch_retry(struct taxel_hub *hub)
 }
 
 /* Return whether this cycle includes the clock reading and the probes of unknown addresses. They take a twentieth of a
- * fast cycle and are due every UPKEEP_PERIOD_US only, except in the first cycles, until each board's clock has been
- * reported, and in cycles without any other transfer. */
+ * fast cycle and are therefore due only every UPKEEP_PERIOD_US. There are two exceptions: the first cycles, until each
+ * board's clock has been reported, and cycles without any other transfer. */
 static bool upkeep_is_due(const struct taxel_hub *hub)
 {
     const struct taxel_cycle *cycle = &hub->cycle;
@@ -333,7 +333,7 @@ static bool launch_from_bus_scan(struct taxel_hub *hub)
 }
 
 /* Start a transfer while the hub is not streaming: identity or settings of a board, or, every 20 ms, a bus scan. The
- * host's transfers have precedence: no bus scan begins within 0.1 s of one. */
+ * host's transfers have precedence: no bus scan begins within 0.1 s after the start of a transfer of the host. */
 static void launch_from_idle(struct taxel_hub *hub)
 {
     const uint32_t now = taxel_hub_now(hub);
@@ -368,8 +368,9 @@ static void launch_pass_through(struct taxel_hub *hub)
     taxel_hub_launch(hub, TAXEL_JOB_PASS_THROUGH, slot, hub->command.address, hub->command.transfer_read);
 }
 
-/* Return whether no transfer may start, because a recovery in the last 10 ms left a line low; the main loop is then
- * requested for the end of this time. The clock is read only after such a recovery, because reading takes time. */
+/* Return whether no transfer may start, because a recovery in the last 10 ms left a line low. In this case, also
+ * request that the main loop runs again at the end of the 10 ms. Without a bus fault the clock is not read, because
+ * reading the clock takes time. */
 static bool bus_is_down(const struct taxel_hub *hub)
 {
     if (hub->bus_fault == TAXEL_BOARD_FAULT_NONE) {

@@ -6,11 +6,12 @@
 #define CLOCK_SLACK_SHIFT 3    /* plus an eighth of the elapsed time, more than the error of any oscillator */
 #define HALF_CLOCK_RANGE 0x80000000u
 
-/* Return whether the snapshot's CRC, which covers the I2C address and all bytes before it, is correct. */
+/* Return whether the snapshot's CRC is correct. The last four bytes of the snapshot are the CRC of the board's I2C
+ * address and all bytes before the CRC. */
 static bool snapshot_is_whole(const struct taxel_hub_slot *board, const uint8_t *bytes, size_t size)
 {
     if (size < TAXEL_COMPACT_OVERHEAD_DELTA) {
-        return false; /* the shortest of both formats */
+        return false; /* shorter than any valid snapshot, compact or uncompressed */
     }
     const uint32_t crc = taxel_crc32(taxel_crc32(0, &board->address, 1), bytes, size - 4u);
     return crc == taxel_get_u32(bytes + size - 4u);
@@ -43,7 +44,7 @@ void taxel_hub_keep(struct taxel_hub *hub, uint8_t type, size_t size)
 }
 
 /* Record the bytes read by a successful poll as an unframed snapshot. The size of a compact snapshot follows from its
- * length byte, which was read first. */
+ * length byte, which is in the byte before the buffer; the size is limited to the bytes that were read. */
 void taxel_hub_keep_snapshot(struct taxel_hub *hub)
 {
     const struct taxel_job *job = &hub->job;
@@ -55,8 +56,8 @@ void taxel_hub_keep_snapshot(struct taxel_hub *hub)
     taxel_hub_keep(hub, TAXEL_FRAME_TYPE_COMPACT_TAXELS, size < job->read_size ? size : job->read_size - 1u);
 }
 
-/* Return the board's clock (microseconds, 32 bits) in a snapshot. A delta frame contains its low 24 bits; the upper
- * bits follow from the hub's clock. */
+/* Return the board's clock (microseconds, 32 bits) in a snapshot. A delta frame contains only the low 24 bits of the
+ * clock. The result is then the time with these low bits that is nearest to the time expected from the hub's clock. */
 static uint32_t timestamp_of(const struct taxel_hub_slot *board, const struct taxel_unframed *unframed,
                              const uint8_t *bytes, bool is_delta)
 {
@@ -67,7 +68,8 @@ static uint32_t timestamp_of(const struct taxel_hub_slot *board, const struct ta
         return taxel_get_u32(bytes + TAXEL_COMPACT_PACKED_OFFSET_TIMESTAMP_US);
     }
     const uint32_t expected = board->last_timestamp_us + unframed->started_us - board->last_read_us;
-    /* without the byte that follows it */
+    /* Both 24-bit values are shifted to the upper bits of a word, without the byte that follows the timestamp; the
+     * signed shift of their difference by 8 bits to the right then restores its sign. */
     const uint32_t low = taxel_get_u32(bytes + TAXEL_COMPACT_DELTA_OFFSET_TIMESTAMP_LOW) << 8;
     return expected + (uint32_t)((int32_t)(low - (expected << 8)) >> 8);
 }

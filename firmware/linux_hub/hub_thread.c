@@ -81,7 +81,8 @@ static int create_lock(struct hub_thread *thread)
     return error ? error : pthread_mutex_init(&thread->lock, NULL);
 }
 
-/* Close the event and release the memory of hub and struct, but not the thread itself. */
+/* Close the event, and release the memory of the hub and of `thread`. The thread must have ended, or not have
+ * started. */
 static void destroy(struct hub_thread *thread)
 {
     if (thread->event_fd >= 0) {

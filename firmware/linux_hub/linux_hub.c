@@ -53,9 +53,9 @@ static void on_i2c_abort(void *context)
     ((struct linux_hub *)context)->has_transfer = false;
 }
 
-/* HAL function: free the bus, as far as a master can that does not control single lines, by a read from an address
- * without a device. Drivers of adapters with their own recovery have already run it at the end of the transfer that
- * failed. Returns the remaining fault (enum taxel_board_fault). */
+/* HAL function: try to free the bus by a read from an address without a device, because an adapter cannot drive single
+ * lines. A driver with a recovery of its own has already executed this recovery at the end of the failed transfer.
+ * Returns the remaining fault (enum taxel_board_fault). */
 static uint8_t on_i2c_recover(void *context)
 {
     const struct linux_hub *hub = context;

@@ -123,7 +123,7 @@ static void process_answers(struct taxel_sensor *sensor)
     const bool acknowledged = compact->acknowledge_received, forget = compact->forget_received;
     const uint16_t id = compact->acknowledged_id;
     compact->acknowledge_received = compact->forget_received = false;
-    compact->is_unread = compact->is_unread && !forget; /* the host could not decode it */
+    compact->is_unread = compact->is_unread && !forget; /* the host could not decode the snapshot */
     unmask(sensor, interrupts);
     if (acknowledged && compact->pending.is_pending && compact->pending.id == id) {
         accept_key_frame(sensor);
@@ -163,9 +163,10 @@ static bool latch_newest(struct taxel_sensor *sensor, uint8_t *latches)
     return is_latched;
 }
 
-/* Return whether the next compact snapshot must be marked as a key frame: none is acknowledged yet, the model still
- * adapts, the encoded size has grown, PERIOD snapshots were read since the last one, or the acknowledgement of the
- * pending key frame is overdue. An overdue acknowledgement doubles its timeout, up to TIMEOUT_READS_MAX. */
+/* Return whether the next compact snapshot must be marked as a key frame. Without a pending (not yet acknowledged) key
+ * frame: no key frame is acknowledged, the predictions still adapt to the counts, the encoded size has grown, or PERIOD
+ * snapshots were read since the last key frame. With a pending key frame: it was not read yet, or its acknowledgement
+ * is overdue. An overdue acknowledgement doubles the timeout of the next one, up to TIMEOUT_READS_MAX. */
 static bool needs_key_frame(struct taxel_compact *compact)
 {
     struct taxel_compact_pending_key_frame *pending = &compact->pending;
@@ -199,8 +200,8 @@ static void update_usual_size(struct taxel_compact *compact, size_t size)
     }
 }
 
-/* Encode a delta frame to `bytes`; returns its number of bytes without the CRC. Returns 0 without a key frame, with a key
- * frame more than ELAPSED_MAX old, or if a packed frame (`packed_size` bytes) is not longer. */
+/* Encode a delta frame to `bytes`; returns its number of bytes without the CRC. Returns 0 without a key frame, with
+ * a key frame more than ELAPSED_MAX old, or if a packed frame (`packed_size` bytes) is not longer. */
 static size_t code_delta(struct taxel_sensor *sensor, const struct taxel_snapshot_header *snapshot,
                          const uint8_t *counts, size_t packed_size, uint8_t *bytes)
 {
@@ -268,9 +269,10 @@ static void store_key_frame(struct taxel_sensor *sensor, const uint8_t *counts, 
     }
 }
 
-/* Discard the key frame, because a delta frame would be longer than a packed frame. If the key frame had few updates,
- * its initial scale (expected spread of the counts) was too small, and the next key frame begins with the next of the
- * four scales, after the largest with the smallest; otherwise with the smallest. */
+/* Discard the key frame, because a delta frame would be longer than a packed frame, and choose the initial scale
+ * (expected spread of the counts) of the next key frame. If the discarded key frame had few updates, its initial scale
+ * was too small: the next key frame begins with the next of the four scales, and the smallest follows the largest.
+ * After many updates, the next key frame begins with the smallest scale. */
 static void discard_key_frame(struct taxel_compact *compact)
 {
     const bool is_young = compact->updates < TAXEL_COMPACT_UPDATES_MAX;
@@ -279,9 +281,9 @@ static void discard_key_frame(struct taxel_compact *compact)
     compact->has_key_frame = false;
 }
 
-/* Encode a scan into the work buffer: as a delta frame if possible, otherwise packed. Also decides whether it is a key
- * frame, which then becomes the pending one; its id, the low half of the CRC, must differ from the ids in use. `bytes`:
- * uncompressed snapshot. */
+/* Encode a scan into the work buffer: as a delta frame if possible, otherwise packed. Also decide whether the new
+ * snapshot is a key frame. A key frame becomes the pending key frame (not yet acknowledged by the host); its id, the
+ * low half of the CRC, must differ from the ids in use. `bytes`: uncompressed snapshot. */
 static void code_snapshot(struct taxel_sensor *sensor, const uint8_t *bytes)
 {
     struct taxel_compact *compact = &sensor->compact;

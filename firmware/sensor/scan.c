@@ -12,6 +12,8 @@ bool taxel_scan_settings_are_valid(const struct taxel_scan_settings *settings)
            settings->idac_code >= 1u;
 }
 
+/* Return whether the board's converter accepts scan settings. A port without a check of its own has the limits of the
+ * front end CAPSENSE. */
 bool taxel_front_end_accepts(const struct taxel_sensor_hal *hal, const struct taxel_scan_settings *settings)
 {
     return hal->front_end_accepts ? hal->front_end_accepts(hal->context, settings)

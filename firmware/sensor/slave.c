@@ -63,7 +63,7 @@ static void fill_fault(struct taxel_sensor *sensor)
     taxel_put_u32(shadow + TAXEL_FAULT_REGISTER_OFFSET_CRC32, crc);
 }
 
-/* Let the master read `size` bytes from `bytes`, from byte `skip` on. */
+/* Set the source of the next read: the master gets the `size` bytes of a register in `bytes`, from byte `skip` on. */
 static void read_from(struct taxel_slave *slave, const uint8_t *bytes, size_t size, size_t skip)
 {
     slave->source = bytes;
@@ -126,7 +126,8 @@ static void reject_write(struct taxel_sensor *sensor, uint8_t flag)
     sensor->error_flags |= flag;
 }
 
-/* Compute the CRC-32 of a write of scan settings: it also covers the front end for which they are, unless that is 0. */
+/* Compute the CRC-32 of a write of scan settings, which covers the board's I2C address, the board's front end (kind of
+ * converter) unless it is 0, and the 8 bytes of settings. A board thus rejects settings for another converter. */
 static uint32_t written_settings_crc(const struct taxel_sensor *sensor, const uint8_t *bytes)
 {
     const uint8_t tag[2] = {sensor->config->address, sensor->config->front_end};

@@ -33,10 +33,11 @@ class KnownCounts:
     """
 
     def __init__(self, rig: Rig, seed: int = 1) -> None:
-        """Set the first known raw counts on the boards of an emulated rig: base + `STEP_COUNTS` * `step`.
+        """Set the first known raw counts on the boards of an emulated rig, with the step 0.
 
-        seed: seed of the base count of each taxel, a constant plus a random number below `STEP_COUNTS`. The remainder
-        of a count modulo `STEP_COUNTS` therefore identifies its taxel. `step`: number of increases since, from 0.
+        The count of a taxel is its base + `STEP_COUNTS` * `step`. seed: seed of the base counts. A base is
+        `LARGEST_BASE` plus a random number below `STEP_COUNTS`, so that the count of another taxel almost always has
+        another remainder modulo `STEP_COUNTS`.
         """
         assert rig.counts is not None
         self._source, self._hand = rig.counts, rig.hand

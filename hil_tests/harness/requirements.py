@@ -55,7 +55,7 @@ def get_world_build(request: pytest.FixtureRequest, hand: Hand) -> WorldBuild:
 
 
 def _change_wiring(hand: Hand, kind: str | None, slow_branch: tuple[str, float] | None) -> Wiring:
-    """Return the wiring of the hand with buffers and pull-ups in each branch.
+    """Return the wiring of the hand with a buffer and pull-ups of 2200 ohm in each branch.
 
     slow_branch: name of one branch and its additional capacitance in picofarads; None: no branch is slow.
     """

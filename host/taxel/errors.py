@@ -37,7 +37,7 @@ class FieldError(TaxelError):
 
     def __init__(self, file: str, field: str, expected: str, found: str, remedy: str) -> None:
         """Create the error of a field in a file; the class describes the arguments, which become its attributes."""
-        # All five are args, so that the error survives pickling between processes.
+        # Pickling between processes calls the constructor with `args`, which must therefore contain all five arguments.
         super().__init__(file, field, expected, found, remedy)
         self.file = file
         self.field = field

@@ -33,8 +33,9 @@ static struct taxel_boot_i2c wire;
 
 static struct taxel_boot boot;
 
-/* HAL function of the bootloader: write one flash row of 128 bytes. On a board, the I2C slave is off during the write,
- * so that the bus is not held. Always returns 0, because the caller reads the row back. */
+/* HAL function of the bootloader: write one flash row of 128 bytes. On a board (IMAGE_DEVICE 1; 2 is the hub), the I2C
+ * slave is off during the write, so that the bus is not held. Always returns 0, because the caller reads the row
+ * back. */
 static int on_write_row(void *context, uint16_t row, const uint8_t *bytes)
 {
     (void)context;
@@ -85,6 +86,7 @@ static void on_start(void *context, uint32_t vectors)
     (void)context;
     (void)interrupts_mask();
     wire_off();
+    /* word 0: initial stack pointer, word 1: address of the first instruction */
     const uint32_t *const table = (const uint32_t *)(uintptr_t)vectors;
     __asm__ volatile("msr msp, %0\n\tbx %1" ::"r"(table[0]), "r"(table[1]) : "memory");
     __builtin_unreachable();

@@ -5,8 +5,8 @@
 /* Remainders of the 2-bit values 0 to 3 for the reflected polynomial 0xEDB88320. */
 static const uint32_t table[4] = {0x00000000u, 0x76DC4190u, 0xEDB88320u, 0x9B64C2B0u};
 
-/* Compute the CRC-32 (IEEE 802.3, reflected) of the bytes, two bits per step: the smallest code and table, for the
- * bootloader. `crc`: CRC of the preceding bytes, 0 at the start. */
+/* Compute the CRC-32 (IEEE 802.3, reflected) of the bytes, two bits per step with a table of four words, because the
+ * bootloader has little flash. `crc`: CRC of the preceding bytes, 0 at the start. */
 uint32_t taxel_crc32(uint32_t crc, const uint8_t *bytes, size_t size)
 {
     crc = ~crc;

@@ -37,8 +37,8 @@ static uint32_t sum(void)
     return fault.head + fault.program_counter + fault.link_register + fault.check;
 }
 
-/* Store a fault in the record and count it. `kind`: fault code, and the number of the exception in bits 8 to 15;
- * `program_counter` and `link_register`: registers of the interrupted code, or 0. */
+/* Store a fault in the record and count it (bits 16 and higher of `head`). `kind`: fault code, and the number of the
+ * exception in bits 8 to 15; `program_counter` and `link_register`: registers of the interrupted code, or 0. */
 static void store(uint32_t kind, uint32_t program_counter, uint32_t link_register)
 {
     fault.head = (fault.head / COUNT_ONE + 1u) * COUNT_ONE + kind;

@@ -190,7 +190,7 @@ static bool try_confirm(void)
         return false;
     }
     uart_hold(true);
-    ticks_delay_us(TAXEL_HUB_HOLD_SPACE * 10u); /* time for the bytes that the adapter still sends, at 1 Mbaud */
+    ticks_delay_us(TAXEL_HUB_HOLD_SPACE * 10u); /* the adapter still sends bytes, 10 us each at 1 Mbaud */
     const uint32_t interrupts = interrupts_mask();
     self_confirm();
     interrupts_unmask(interrupts);
@@ -215,7 +215,7 @@ static void sleep_until_event(void)
 int main(void)
 {
 #ifdef IMAGE_STANDALONE
-    reset_take_cause(); /* else the bootloader did it */
+    reset_take_cause(); /* with a bootloader, the bootloader has stored the cause */
 #endif
     clocks_init();
     watchdog_start();

@@ -91,8 +91,8 @@ static bool collects(void)
     return !master.transfer.length_prefixed && master.transfer.read_size >= SCB_FIFO_SIZE;
 }
 
-/* Let the serial block acknowledge by itself if collects() permits it, and set the FIFO level of the receive
- * interrupt. */
+/* Let the serial block acknowledge by itself if collects() permits it, and set the FIFO level, the number of bytes
+ * above which the receive interrupt occurs. The last SCB_FIFO_SIZE bytes are taken together, when the FIFO is full. */
 static void collect_if_long(void)
 {
     const bool is_long = collects();
@@ -231,8 +231,8 @@ static void take_byte(void)
     *transfer->read_bytes++ = byte;
 }
 
-/* Take the received bytes in the FIFO, if there are any. A byte that follows an address whose acknowledge arrived
- * during this interrupt waits until that acknowledge is handled. */
+/* Take the received bytes in the FIFO, if there are any. In the state ADDRESS_TO_READ the bytes stay in the FIFO: the
+ * acknowledge of the address arrived during this interrupt and must be handled first. */
 static void take_bytes_if_any(void)
 {
     if (!BUS_SCB->intr_rx_masked || master.state == ADDRESS_TO_READ) {

@@ -17,6 +17,8 @@ static void hold_low(uint8_t pin)
     pin_connect(pin, PIN_MODE_STRONG, PIN_GPIO);
 }
 
+/* Hold the first `tx_lines` TX lines and `rx_lines` RX lines of pins.toml low, and the pins of BOARD_LOW_PINS. A board
+ * with one TX line (BOARD_RX_PER_ROW) holds all its lines low: its rows are groups of RX lines. */
 void lines_init(uint8_t tx_lines, uint8_t rx_lines)
 {
     connected.tx = NO_LINE;
@@ -66,6 +68,7 @@ static void connect_rx(uint8_t line)
     connected.rx = line;
 }
 
+/* Connect the TX and RX line of a crossing for a conversion. Returns the number of the RX line in pins.toml. */
 uint8_t lines_connect(uint8_t tx, uint8_t rx)
 {
 #ifdef BOARD_RX_PER_ROW /* a board with one TX line: a row of the register map is a group of RX lines */

@@ -68,7 +68,8 @@ void reset_now(void)
 /* Reset the processor with the request that the bootloader keeps running. Does not return. */
 void reset_into_bootloader(void)
 {
-    /* Through volatile, because no program of this image need read the word again. */
+    /* volatile: the compiler could otherwise omit the write, because this image does not read the word before the
+     * reset */
     *(volatile uint32_t *)&handover.stay = STAY;
     reset_now();
 }

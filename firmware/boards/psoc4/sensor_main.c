@@ -240,7 +240,7 @@ static void watch_scan(void)
 int main(void)
 {
 #ifdef IMAGE_STANDALONE
-    reset_take_cause(); /* else the bootloader did it */
+    reset_take_cause(); /* with a bootloader, the bootloader has stored the cause */
 #endif
     clocks_init();
     watchdog_start();

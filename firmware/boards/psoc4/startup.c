@@ -59,8 +59,8 @@ static vector ram_vectors[EXCEPTIONS + IRQ_COUNT] __attribute__((section(".ram_v
 
 #define SYSTICK_EXCEPTION 15u
 
-/* Fill in the table of vectors in RAM and make the processor use it. NMI: during a call of the supervisory ROM the
- * processor uses the vector of the ROM (confirm). */
+/* Fill in the table of vectors in RAM and make the processor use it. The non-maskable interrupt (NMI) needs no own
+ * vector: during a call of the supervisory ROM the processor uses the vector of the ROM (confirm). */
 static void use_ram_vectors(void)
 {
     for (unsigned i = 0; i < EXCEPTIONS + IRQ_COUNT; i++) {

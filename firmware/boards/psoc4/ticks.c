@@ -115,7 +115,7 @@ void ticks_shrink(uint32_t begin)
     const uint32_t us = begin + third_of((CYCLES_MAX - SYSTICK->value) >> 4);
     const uint32_t part = us & ((1u << US_SHIFT) - 1u);
     wraps += us >> US_SHIFT;
-    /* the remainder of the wrap; the following wraps are complete */
+    /* the first period is only the rest of the interrupted period; the second value of `reload` is for all others */
     SYSTICK->reload = CYCLES - CYCLES_PER_US * part - 1u;
     SYSTICK->value = 0;
     SCS_ICSR = SCS_ICSR_SYSTICK_CLEAR;

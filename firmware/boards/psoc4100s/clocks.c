@@ -25,8 +25,8 @@ static void settle(void)
     }
 }
 
-/* Set the main oscillator from 24 to 48 MHz, with flash wait states and the factory trims, which are set at 24 MHz (confirm:
- * order). */
+/* Set the main oscillator from 24 to 48 MHz, with flash wait states and the factory trims, which are set at 24 MHz
+ * (confirm: order). */
 void clocks_init(void)
 {
     CPUSS->flash_ctl = CPUSS_FLASH_CTL_WAIT_STATES(2u) | CPUSS_FLASH_CTL_PREFETCH;

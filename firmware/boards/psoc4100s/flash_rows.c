@@ -31,7 +31,8 @@ __attribute__((noinline)) static void call(uint32_t argument, uint32_t opcode)
     __asm__ volatile("nop\n\tnop\n\tnop" ::: "memory"); /* the ROM runs here, in an NMI, and reads the parameters */
 }
 
-/* Call a function of the ROM whose parameters are in RAM. `high`: bits 16 to 31 of the first word; `second`: second word. */
+/* Call a function of the ROM whose parameters are in RAM. `high`: bits 16 to 31 of the first word; `second`:
+ * second word. */
 static void call_with(struct parameters *parameters, uint32_t opcode, uint32_t high, uint32_t second)
 {
     parameters->keys = SROM_PARAMETERS(opcode, high);
@@ -40,8 +41,8 @@ static void call_with(struct parameters *parameters, uint32_t opcode, uint32_t h
 }
 
 /* Erase and write one flash row of TAXEL_BOOT_ROW_SIZE bytes by calls of the ROM, with interrupts off. The processor
- * stops until the write has ended. The clock changes meanwhile, so that SysTick counts too slowly by the time of a write
- * (confirm). */
+ * stops until the write has ended. SysTick counts with the clock of the write, so that the clock of the program loses a
+ * part of this time (confirm). */
 void flash_rows_write(uint16_t row, const uint8_t *bytes)
 {
     struct parameters parameters;

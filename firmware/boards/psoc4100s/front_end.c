@@ -83,8 +83,9 @@ static void settle(void)
     __asm__ volatile("1: sub %0, #1\n\tbne 1b" : "+l"(loops)::"cc");
 }
 
-/* Start the conversion of the crossing of TX line `tx` and RX line `rx`, after the settling time. The CSD interrupt
- * follows at its end. */
+/* Start the conversion of the crossing of TX line `tx` and RX line `rx`, after the settling time. The current code is
+ * the calibrated code of the RX line, or the code of the scan settings if the calibrated code is 0. The CSD interrupt
+ * follows at the end of the conversion. */
 void front_end_start(uint8_t tx, uint8_t rx)
 {
     const uint8_t line = lines_connect(tx, rx);

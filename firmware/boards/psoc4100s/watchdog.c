@@ -6,16 +6,16 @@
 #define IGNORED_BITS 1u
 #define MATCH 0xFFFFu
 
-/* Start the watchdog, which resets the processor unless watchdog_feed() is called in time. It has been running with longer
- * periods since the reset. */
+/* Start the watchdog, which resets the processor unless watchdog_feed() is called in time. Since the reset, the
+ * watchdog has been running with longer periods. */
 void watchdog_start(void)
 {
     SRSS->wdt_match = MATCH | SRSS_WDT_MATCH_IGNORED_BITS(IGNORED_BITS);
     watchdog_feed();
 }
 
-/* Clear the pending match of the watchdog; after three matches the watchdog resets the processor. The main loop calls this
- * function in each pass: on a board only if the scan has advanced. */
+/* Clear the pending match of the watchdog; after three matches the watchdog resets the processor. The main loop calls
+ * this function in each pass: on a board only if the scan has advanced. */
 void watchdog_feed(void)
 {
     SRSS->intr = SRSS_INTR_WDT_MATCH;

@@ -19,8 +19,8 @@ void clocks_init(void)
     CLK->imo_config = CLK->imo_config | CLK_ENABLE;
     /* Before the clock becomes too fast for the flash. */
     CLK->select = (CLK->select & ~CLK_SELECT_WDT_LOCK_MASK) | CLK_SELECT_HALF_EN;
-    /* The trims for 48 MHz are set at 24 MHz, where no trim makes the clock too fast; then the frequency (confirm:
-     * order). */
+    /* The trims for 48 MHz are set while the oscillator still runs at 24 MHz, where no trim makes the clock too fast.
+     * The frequency is set after the trims (confirm this order). */
     PWR_BG_TRIM4 = SFLASH->imo_abs_48mhz;
     PWR_BG_TRIM5 = SFLASH->imo_tmpco_48mhz;
     CLK_IMO_TRIM1 = SFLASH->imo_trim[48u - MHZ_OF_FIRST_TRIM];

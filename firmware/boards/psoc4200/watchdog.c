@@ -7,13 +7,13 @@
 /* Start the watchdog, which resets the processor unless watchdog_feed() is called in time. */
 void watchdog_start(void)
 {
-    WDT->match = MATCH; /* a running counter accepts no settings; it already has these */
+    WDT->match = MATCH; /* without effect if the counter already runs; it was then started with the same settings */
     WDT->config = WDT_CONFIG_MODE0_RESET;
     watchdog_feed();
 }
 
-/* Clear the counter of the watchdog; otherwise the watchdog resets the processor. The main loop calls this function in
- * each pass: on a board only if the scan has advanced. */
+/* Clear the counter of the watchdog, which otherwise resets the processor. The main loop calls this function regularly,
+ * but on a sensor board only if the scan has advanced. */
 void watchdog_feed(void)
 {
     WDT->control = WDT_CONTROL_ENABLE0 | WDT_CONTROL_RESET0;

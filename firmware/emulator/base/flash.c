@@ -5,8 +5,8 @@
 #define WORD 4u
 #define WORDS (FLASH_ROW_SIZE / WORD)
 
-/* Initialise an erased flash array of `size` bytes without a planned power cut. `seed` and the I2C address select the random content of
- * interrupted writes. */
+/* Initialise an erased flash array of `size` bytes without a planned power cut. `seed` and the I2C address select the
+ * random content of interrupted writes. */
 void flash_init(struct flash *flash, uint32_t size, uint64_t seed, uint8_t address)
 {
     memset(flash, 0, sizeof *flash);
@@ -48,7 +48,8 @@ static void schedule_planned_cut(struct flash *flash, const struct flash_pending
     memmove(flash->plans, flash->plans + 1, flash->plan_count * sizeof flash->plans[0]);
 }
 
-/* Forget the writes that ended before `now`: a power cut can no longer tear their rows. */
+/* Remove the writes that ended before `now` from the list of pending writes: a power cut can no longer tear their
+ * rows. */
 static void remove_completed_writes(struct flash *flash, vtime now)
 {
     unsigned kept = 0;
@@ -97,6 +98,7 @@ static void tear_row(struct flash *flash, const struct flash_pending_write *writ
     for (unsigned word = 0; word < WORDS; word++) {
         const uint64_t random_bits = random_u64(&flash->random);
         uint8_t *const word_bytes = stored + WORD * word;
+        /* of a mixture: 0 new word, 1 erased, 2 old word, 3 random bits */
         const unsigned content = is_mixture ? (unsigned)(random_bits >> 62) : word == word_in_progress ? 3u : 0u;
         if (content == 3u) {
             memcpy(word_bytes, &random_bits, WORD);

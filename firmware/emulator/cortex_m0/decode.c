@@ -22,8 +22,8 @@ static uint32_t registers_in(uint32_t list)
 
 /* Decode the 16-bit instructions that begin with 000 or 001: LSL, LSR, ASR by a constant; ADD and SUB of three
  * operands; MOV, CMP, ADD, SUB with an 8-bit constant. A shift by the encoded constant 0 is MOV or a shift by 32.
- * d, m: destination and first operand; wide_d: register of an instruction with an 8-bit constant; third: operand that is
- * a register or a constant. */
+ * d, m: destination and first operand; wide_d: register of an instruction with an 8-bit constant; third: operand that
+ * is a register or a constant. */
 static struct cortex_m0_operation decode_arithmetic(uint32_t half)
 {
     const uint8_t d = bits(half, 0, 3), m = bits(half, 3, 3), shift = bits(half, 6, 5), third = bits(half, 6, 3);
@@ -228,7 +228,7 @@ static struct cortex_m0_operation decode_wide(const struct cortex_m0_code *code,
     }
     const bool msr = (half & 0xFFF0u) == 0xF380u && (second & 0xFF00u) == 0x8800u;
     const bool mrs = half == 0xF3EFu && (second & 0xF000u) == 0x8000u;
-    const bool barrier = half == 0xF3BFu && second >= 0x8F40u && second < 0x8F70u;
+    const bool barrier = half == 0xF3BFu && second >= 0x8F40u && second < 0x8F70u; /* 0x8F4x DSB, 5x DMB, 6x ISB */
     return msr || mrs || barrier ? SPECIAL : UNDEFINED;
 }
 

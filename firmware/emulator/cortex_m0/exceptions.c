@@ -84,8 +84,8 @@ static void enter_handler(struct cortex_m0 *cpu, unsigned number)
     cortex_m0_set_fetch_address(cpu, vector & ~UINT32_C(1));
 }
 
-/* End an exception entry: the pending exception with the highest priority is taken, which may have become pending
- * during the stacking. */
+/* End an exception entry: start the handler of the pending exception with the highest priority. This exception may have
+ * become pending during the stacking. */
 void cortex_m0_finish_entry(struct cortex_m0 *cpu)
 {
     const unsigned best = cortex_m0_next_exception(cpu, cpu->priority);

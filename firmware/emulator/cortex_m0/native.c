@@ -14,7 +14,8 @@ struct taxel_cortex_m0 {
 };
 
 /* Allocate a processor with zeroed flash at 0 and RAM at 0x20000000 (sizes in bytes). `flash_wait`: wait states;
- * `multiply`: cycles of MULS. Returns NULL if out of memory or if a size is not a multiple of 4. */
+ * `multiply`: cycles of MULS; `halt_flags`: TAXEL_CORTEX_M0_HALT_ON_..., causes that end a run. Returns NULL if out of
+ * memory or if a size is not a multiple of 4. */
 struct taxel_cortex_m0 *taxel_cortex_m0_open(uint32_t flash_size, uint32_t ram_size, uint8_t flash_wait,
                                              uint8_t multiply, int halt_flags)
 {

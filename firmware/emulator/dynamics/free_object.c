@@ -54,6 +54,7 @@ static struct support press_vertex(struct free_object *object, size_t vertex, co
         }
     }
     const double distance = sqrt(dot(slip, slip)), length = fmax(distance, SMALLEST_SLIP_M);
+    /* depth and slip have the same spring rate, so friction holds a slip of at most stand_friction * depth */
     const double share = fmin(1.0, object->stand_friction * depth / length);
     struct support support;
     for (int i = 0; i < 3; i++) {

@@ -20,7 +20,8 @@ void kinematics_links(const struct kinematic_tree *tree, const struct frame *wri
     }
 }
 
-/* Compute the nominal poses of all brackets in the world from the poses of the links. */
+/* Compute the nominal poses (without mounting errors) of all brackets, the mounts of the boards, in the world from the
+ * poses of the links. */
 void kinematics_brackets(const struct kinematic_tree *tree, const struct frame *links, struct frame *brackets)
 {
     for (size_t board = 0; board < tree->board_count; board++) {

@@ -2,7 +2,7 @@
 
 #include <math.h>
 
-/* Solve a symmetric, positive definite system by the factorisation A = L L^T and two substitutions. Only the lower
+/* Solve a symmetric, positive definite system by Cholesky factorisation A = L L^T and two substitutions. Only the lower
  * triangle of `matrix` is read, and L overwrites this triangle; the solution overwrites `vector`. */
 void linear_system_solve(double matrix[COORDINATES_MAX][COORDINATES_MAX], size_t count, double *vector)
 {

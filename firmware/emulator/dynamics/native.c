@@ -2,7 +2,8 @@
 
 #include <string.h>
 
-/* Write the sizes of the structures (bytes) and the largest numbers of links, joints and boards. */
+/* Write the sizes of the structures (bytes), with which a caller in another language checks its own definitions, and
+ * the largest numbers of links, joints and boards. */
 void taxel_dynamics_sizes(size_t sizes[5])
 {
     sizes[0] = sizeof(struct hand_dynamics);
@@ -18,7 +19,8 @@ void taxel_dynamics_step(struct hand_dynamics *hand, const double *torque, doubl
     hand_dynamics_step(hand, torque, duration);
 }
 
-/* Write the nominal poses of all brackets in the world, 3 rows of 4 each. */
+/* Write the nominal poses (without mounting errors) of all brackets, the mounts of the boards, in the world: 3 rows of
+ * 4 numbers each. */
 void taxel_dynamics_brackets(const struct hand_dynamics *hand, double *poses)
 {
     struct frame links[LINKS_MAX], brackets[BOARDS_MAX];

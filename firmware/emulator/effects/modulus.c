@@ -14,7 +14,7 @@ enum modulus_form {
 };
 
 /* Read a world-file line `effect modulus`: log-normal variation of the stiffness between taxels, or a factor and a
- * gradient along the TX lines of one board. Returns 0, or -1 after an error line on stderr. */
+ * gradient from the first to the last TX line of one board. Returns 0, or -1 after an error line on stderr. */
 int modulus_read(struct effect_line *line, struct effects *effects)
 {
     static const char *const forms[] = {[MODULUS_TAXELS] = "taxels", [MODULUS_BOARD] = "board", NULL};
@@ -49,7 +49,7 @@ bool modulus_is_on(const struct modulus_effect *modulus)
 }
 
 /* Sample the stiffness of each taxel of a board relative to nominal: exp(log_factor + gradient (x - 1/2) + log_std n),
- * with the relative position x along the TX lines and a standard normal n. stiffness: [taxels], in the order of the
+ * with x = (TX line + 1/2) / number of TX lines and a standard normal n. stiffness: [taxels], in the order of the
  * crossing map. */
 void modulus_fill(const struct modulus_effect *modulus, uint64_t seed, const struct board_description *board,
                   double *stiffness)

@@ -98,7 +98,8 @@ void noise_open(struct noise_board *noise, const struct noise_effect *effect, si
 }
 
 /* Return an approximately normal random number of variance 1: the standardised sum of the eight bytes of one random
- * number. The sum of many steps of a process is then sufficiently normal. */
+ * number. The sum of many steps of a process is then sufficiently normal. `pairs` contains four 16-bit sums of two
+ * bytes; the multiplication adds these four sums in the upper 16 bits. A sum of eight bytes has the mean 8 * 127.5. */
 static double approximate_normal(struct random_source *random)
 {
     const uint64_t low_bytes = 0x00FF00FF00FF00FFull;

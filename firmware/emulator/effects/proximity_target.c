@@ -39,8 +39,9 @@ static struct potentials compute_potentials_at_rest(void)
     return (struct potentials){.own = log(2.0 * SHIELD_DEPTH / WIRE_RADIUS), .other = 0.5 * log1p(ratio * ratio)};
 }
 
-/* Return the coefficients of potential with a target at the height `z` (metres): those without a target minus the field
- * that the target reflects, integrated over the wave number. */
+/* Return the coefficients of potential with a target at the height `z` (metres): the coefficients without a target
+ * minus the field that the target reflects, integrated over the wave number q from 0 to q_max by the midpoint rule. The
+ * steps are equal in the square root of q, and therefore shorter at small q. */
 static struct potentials compute_potentials(const struct proximity_target *target, double z)
 {
     const double depth = SHIELD_DEPTH * target->distance, q_max = WAVE_DECAY / z;
@@ -57,7 +58,8 @@ static struct potentials compute_potentials(const struct proximity_target *targe
     return potentials;
 }
 
-/* Return the mutual capacitance with a target at the height `z` (metres) divided by that without a target, minus 1. A
+/* Return the relative change of the mutual capacitance that a target at the height `z` (metres) causes. The mutual
+ * capacitance follows from the inverse of the 2 x 2 matrix of the coefficients of potential. A
  * conductor that is not at ground passes flux from the TX to the RX electrode, which adds to the mutual capacitance. */
 double proximity_target_change(const struct proximity_target *target, double z)
 {

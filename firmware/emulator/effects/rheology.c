@@ -75,8 +75,8 @@ static double apply_solid(const struct rheology_effect *rheology, const struct r
 }
 
 /* Advance a cell of form `play` by one step, and return its compression (metres). A fraction of the elastic compression
- * `c` passes through play operators (Prandtl and Ishlinskii), each of which is constant while it lies in [c - r, c];
- * relaxations add creep. */
+ * `c` passes through play operators (Prandtl and Ishlinskii). The output of an operator of width r is constant while it
+ * lies in [c - r, c], where r is width_m * (i + 1) / RHEOLOGY_PLAYS for operator i; relaxations add creep. */
 static double apply_play(const struct rheology_effect *rheology, const struct rheology_span *span,
                          struct rheology_state *cell, double c)
 {

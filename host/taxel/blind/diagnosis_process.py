@@ -19,7 +19,7 @@ def main(folder: str, *hidden: str) -> int:
     Each line of standard input is a job in JSON; each answer is one line of JSON. folder: the only data that the
     process can read. hidden: folders that are always unreadable. Returns the exit status.
     """
-    version = compute_diagnosis_version()  # before the isolation, which seals this module
+    version = compute_diagnosis_version()  # before the isolation, which removes its module
     fields = {"diagnosis": version, "blindfold": isolate_process(Path(folder), [Path(path) for path in hidden])}
     for line in sys.stdin:
         print(json.dumps(_diagnose(json.loads(line), fields)), flush=True)

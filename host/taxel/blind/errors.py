@@ -9,7 +9,8 @@ class BlindRunError(TaxelError):
     def __init__(self, where: str, expected: str, found: str, remedy: str) -> None:
         """Create the error of a blind check.
 
-        where: file or process. expected, found: its content. remedy: what to do.
+        where: file or process. expected, found: required and actual content of this file, or output of this process.
+        remedy: what the user can do.
         """
         super().__init__(where, expected, found, remedy)
 

@@ -133,6 +133,7 @@ def make_small_plans(
     grasps = [
         planned for planned in plan if (planned.object, planned.approach) in conditions and planned.session < sessions
     ]
+    # A dictionary keeps the last value of a key: the reversed order keeps the first repeat of each session.
     first_of_session = {(planned.object, planned.approach, planned.session): planned for planned in reversed(grasps)}
     real = tuple(
         planned for planned in grasps if first_of_session[planned.object, planned.approach, planned.session] is planned

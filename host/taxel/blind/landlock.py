@@ -38,8 +38,10 @@ def restrict(readable: Iterable[Path], writable: Iterable[Path]) -> bool:
     """Restrict the files of this thread and its future threads irrevocably with Landlock, a function of Linux.
 
     readable: files, and folders with their content, that can be read. writable: files and folders that can also be
-    written. Nonexistent paths are ignored. No program can be started. Returns whether the kernel supports Landlock; if
-    not, nothing changes. Bit 0 of the rights, the execution of files, is granted nowhere.
+    written. Nonexistent paths are ignored. No program can be started, because bit 0 of the rights, the execution of
+    files, is granted nowhere. Returns whether the restriction is in force: False if the kernel has no Landlock or
+    rejects a part of the restriction. TCP connections (interface version 4) and signals to other processes (version 6)
+    are also denied.
     """
     interface = version()
     if not interface:

@@ -92,9 +92,9 @@ def sample_large_world(
 def enlarge(cause: Cause, estimate_size: SizeEstimate, sample: Callable[[float], Cause]) -> Cause:
     """Return a cause with a size of at least `LARGE_SIZE`, or the largest of `MOST_TRIALS` samples.
 
-    cause: the first sample. sample: returns a further sample with a given strength. The parameters of causes are
-    logarithmic in the strength, and the size is assumed to be proportional to them: from strength 0 to 1, it increases
-    by the ratio of `FLOORS`. The lower limit of the size in the logarithm keeps the step finite.
+    cause: the first sample. sample: returns a further sample with a given strength. The logarithm of a cause's
+    parameter is linear in the strength, and the size is assumed to be proportional to the parameter: from strength 0 to
+    1, the size increases by the ratio of `FLOORS`. The lower limit of the size in the logarithm keeps the step finite.
     """
     best, best_size, strength = cause, estimate_size(cause), sum(STRENGTH) / 2.0
     for _ in range(MOST_TRIALS - 1):

@@ -67,6 +67,8 @@ class Frames:
 
         A frame is torn: the taxels before the first changed one (`first`) still have the values of the frame before
         (`stale`), and the first changed value may be wrong (an impulse). Only the later taxels are valid.
+        Three versions of the counts are built: `corrected` (invalid counts interpolated), `torn` (corrected, with the
+        stale counts), and `with_impulses` (corrected, with the recorded first changed values).
         """
         frames = recording.values.reshape(len(recording.values), N_TAXELS).astype(np.float64)
         is_new = np.concatenate([[True], (frames[1:] != frames[:-1]).any(axis=1)])

@@ -52,12 +52,12 @@ def run_worlds(
     runners = [SandboxedRunner(out) for _ in range(min(jobs, len(missing)))]
     for runner in runners:
         idle_runners.put(runner)
-    # Ctrl-C must not reach the emulator: its end would be taken for a plan without equilibrium.
+    # Ctrl-C must not end the emulator: the run would record the world as not made, as if its plan had no equilibrium.
     ignore = (signal.SIGINT, signal.SIG_IGN)
     makers = ProcessPoolExecutor(len(runners), get_context("spawn"), initializer=signal.signal, initargs=ignore)
 
     def run_if_in_time(world: World) -> bool:
-        """Run one world with an idle sandboxed process; False if the time limit has passed before."""
+        """Run one world with an idle sandboxed process; return False, without a run, after the time limit."""
         if deadline is not None and time.monotonic() >= deadline:
             return False
         runner = idle_runners.get()
@@ -130,17 +130,19 @@ def _run_world(out: Path, world: World, makers: ProcessPoolExecutor, runner: San
 
 
 def _creation_epoch(out: Path) -> str:
-    """Return the creation time for all datasets, seconds since 1970.
+    """Return the creation time that all datasets of a blind check state, seconds since 1970, as text.
 
-    The time is `SOURCE_DATE_EPOCH`, or that of the commitments of the blind check in the folder `out`.
+    The time is the environment variable `SOURCE_DATE_EPOCH`; without this variable it is the modification time of the
+    file of commitments in the folder `out` of the check.
     """
     return os.environ.get("SOURCE_DATE_EPOCH") or str(int((out / COMMITMENTS).stat().st_mtime))
 
 
 def _make_datasets(world: World, real: Path, sim: Path, epoch: str) -> int:
-    """Write the real and the simulated dataset of a world; returns the number of the successful attempt.
+    """Write the real and the simulated dataset of a world (an emulated skin with hidden causes of a gap).
 
-    epoch: creation time that both files state, seconds since 1970.
+    Returns the number of the attempt that succeeded, from 0. epoch: creation time that both files state, seconds since
+    1970.
     """
     # All datasets state the same creation time, because the run time of the emulator depends on the hidden causes.
     os.environ["SOURCE_DATE_EPOCH"] = epoch
@@ -150,10 +152,10 @@ def _make_datasets(world: World, real: Path, sim: Path, epoch: str) -> int:
 def _fit_reference(
     world: World, noise_free: Path, sim: Path, attempt: int, models: Collection[str]
 ) -> dict[str, dict[str, float]]:
-    """Write noise-free indentations of a world and fit the reference parameters to them.
+    """Fit the reference parameters of a world, which serve as true values in the score, to noise-free indentations.
 
-    noise_free: temporary file. attempt: number of the sampled plan. models: keys of the models to fit. Empty if an
-    indentation has no equilibrium.
+    noise_free: temporary file of the indentations. attempt: number of the sampled plan. models: keys of the models to
+    fit. Returns the parameters by model key; empty if an indentation has no equilibrium.
     """
     try:
         make_reference(world, noise_free, attempt)

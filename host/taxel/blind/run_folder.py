@@ -24,7 +24,8 @@ def get_world_folder(out: Path, world: World) -> Path:
 def get_reference_path(out: Path, world: World) -> Path:
     """Return the file of a world's reference parameters, the true values that are fitted to noise-free data.
 
-    The file is not in the world's folder: its existence would reveal the kind of the world.
+    The file is not in the folder of the world: only some kinds of worlds have such a file, and its existence would
+    therefore reveal the kind.
     """
     return out / SEALED / f"reference{world.number:04d}.json"
 

@@ -71,9 +71,10 @@ def sample_worlds(count: int, full_hand: int = 0, seed: int | None = None) -> li
 
 
 def _add_decoys(rng: np.random.Generator, worlds: list[World]) -> list[World]:
-    """Add a decoy, an effect that is not hidden and is removed from the catalogue, to some worlds.
+    """Add a decoy to some worlds: an effect that is not hidden, but is removed from the catalogue of another diagnosis.
 
-    As many worlds get a decoy as there are worlds whose own effect is removed, so that a removal reveals nothing.
+    In other worlds the hidden effect itself is removed. As many worlds get a decoy as there are such worlds, if
+    possible. The removal of an effect therefore does not reveal whether this effect is hidden.
     """
     candidates = [world.number for world in worlds if not world.is_withheld]
     count = min(len(worlds) - len(candidates), len(candidates))
@@ -89,6 +90,7 @@ def _add_decoys(rng: np.random.Generator, worlds: list[World]) -> list[World]:
 def _sample_plans(rng: np.random.Generator, count: int) -> list[WorldPlan]:
     """Sample `count` plans of worlds, with the kinds of causes in the proportions of `KIND_COUNTS`, in random order."""
     total = sum(KIND_COUNTS.values())
+    # The numbers of the other kinds are rounded; the remaining worlds have no cause.
     counts = {kind: round(count * number / total) for kind, number in KIND_COUNTS.items() if kind != "none"}
     plans = [WorldPlan("none", (), 0.0)] * (count - sum(counts.values()))
     plans += _sample_single_plans(rng, counts["single"], count / total)
@@ -126,9 +128,8 @@ def _sample_single_plans(rng: np.random.Generator, count: int, scale: float) -> 
 def _sample_strengths(rng: np.random.Generator, count: int) -> list[float]:
     """Sample `count` strengths between 0 and 1 in random order.
 
-    The strengths are chosen such that the excess of the gap (gap without the contribution of noise) is uniform between
-    the two values of `FLOORS`, in multiples of the floor (gap between repeats), with one value in each of `count`
-    strata.
+    The root of the excess (squared gap minus squared floor; floor: the gap that repeats alone show) is uniform between
+    the two values of `FLOORS`, in floors. Each of `count` equal parts of this range contains one value.
     """
     strata = (np.arange(count) + rng.random(count)) / max(count, 1)
     low, high = FLOORS
@@ -136,9 +137,10 @@ def _sample_strengths(rng: np.random.Generator, count: int) -> list[float]:
 
 
 def find_strength(floors: float) -> float:
-    """Compute the strength, 0 to 1, at which the gap exceeds the floor by `floors` times the floor.
+    """Compute the strength of a cause, 0 to 1, at which the root of the excess is `floors` times the floor.
 
-    The parameter ranges of the causes are logarithmic.
+    Excess: squared gap minus squared floor. Its root at strength 0 and 1 is the first and the second value of `FLOORS`.
+    The scale between them is logarithmic, as are the parameter ranges of the causes.
     """
     low, high = FLOORS
     return math.log(floors / low) / math.log(high / low)
@@ -149,13 +151,14 @@ def _sample_combination(rng: np.random.Generator) -> tuple[CauseType, ...]:
     while True:
         indices = rng.choice(len(CATALOGUE_CAUSES), int(rng.integers(2, 4)), replace=False)
         combination = [CATALOGUE_CAUSES[index] for index in indices]
+        # The first word of an emulator effect, such as "spread film", is the effect; the second is its variant.
         emulator_effects = {cause_type.emulator_effect.split()[0] for cause_type in combination}
         if len({cause_type.name for cause_type in combination}) == len(combination) == len(emulator_effects):
             return tuple(combination)
 
 
 def _sample_world(rng: np.random.Generator, number: int, hand: Hand, plan: WorldPlan, is_sealed: bool) -> World:
-    """Sample one world according to a plan.
+    """Sample one world according to a plan. Causes that are not observable because of another cause are replaced.
 
     is_sealed: whether the salt is secret; otherwise the seed determines the salt.
     """

@@ -53,7 +53,7 @@ class SandboxedRunner:
         job: dict[str, Any] = {key: str(self._folder / name) for key, name in names.items()}
         (self._folder / "report.json").unlink(missing_ok=True)
         answer = json.loads(self._request(json.dumps({**job, "without": list(without), "seed": seed})))
-        if answer:
+        if answer:  # an error; the answer {} means that the process has written a report
             write_whole(out, json.dumps(answer))
         else:
             write_whole(out, (self._folder / "report.json").read_bytes())

@@ -60,7 +60,11 @@ def score(results: Sequence[WorldResult]) -> dict[str, Any]:
 
 
 def _score_part(results: Sequence[WorldResult]) -> dict[str, Any]:
-    """Compute all figures of the score for one group of worlds: the rig or the whole hand."""
+    """Compute all figures of the score for one group of worlds: the rig or the whole hand.
+
+    Most figures are computed from the clear worlds, in which the gap is so large that the cause must be named. A key
+    of the result is a row or a table of the score sheet.
+    """
     by_kind = {kind: [result for result in results if result.world.hidden.kind == kind] for kind in KINDS}
     clear = {kind: [result for result in of_kind if result.is_clear] for kind, of_kind in by_kind.items()}
     single = clear["single"]
@@ -171,8 +175,8 @@ def _share_by_group(rows: Iterable[tuple[str, bool]]) -> dict[str, Any]:
 def _micro_f1(results: Sequence[WorldResult]) -> dict[str, Any]:
     """Compute precision, recall and F1 over the effect names of all worlds together (micro-average).
 
-    A cause that is confounded with a named effect counts as named, as for single causes. Unobservable causes are
-    ignored in truth and verdict.
+    A true cause also counts as named if the data cannot distinguish it from a wrong effect of the verdict. Causes that
+    are not observable are ignored among the true causes and in the verdict.
     """
     correct_count = named_count = true_count = 0
     for result in results:
@@ -188,11 +192,12 @@ def _micro_f1(results: Sequence[WorldResult]) -> dict[str, Any]:
 def _parameter_errors(results: Sequence[WorldResult]) -> dict[str, Any]:
     """Compute the median relative errors of the parameters, in total and for each parameter of each emulator effect.
 
-    A parameter is required to be accurate if it has a unit of `REQUIRED_UNITS`, or is "log_std".
+    The total is computed separately for the parameters that must be accurate (those with a unit of `REQUIRED_UNITS`,
+    and "log_std") and for the others.
     """
     groups: dict[tuple[str, str, str, str, bool], list[float]] = {}
     for parameter in (parameter for result in results if result.is_clear for parameter in result.parameters):
-        name = parameter.name.split("@")[0]
+        name = parameter.name.split("@")[0]  # the name of one board's parameter ends in the address: "seconds@81"
         key = parameter.emulator_effect, name, parameter.effect, parameter.unit, parameter.is_reference
         groups.setdefault(key, []).append(parameter.relative_error)
     each: dict[str, Any] = {}
@@ -261,7 +266,8 @@ def _first_effect_or_status(verdict: ReportedVerdict) -> str:
 def _baseline_scores(results: Sequence[WorldResult], single: Sequence[WorldResult]) -> dict[str, Any]:
     """Compute the scores of the simple reference diagnosers, and of the diagnosis with exchanged simulations.
 
-    single: clear worlds with a single cause, on which the reference diagnosers are scored.
+    single: clear worlds with a single cause, on which the reference diagnosers are scored. Exchanged simulations belong
+    to other indentations and do not match the real data: the correct verdict is then "unknown" or "no gap".
     """
     shuffled = [result.verdict_shuffled for result in results if result.verdict_shuffled is not None]
     by_diagnoser = {

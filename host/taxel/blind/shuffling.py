@@ -11,8 +11,8 @@ from taxel.recording.hdf5_output import change_hdf5
 def write_shuffled_copy(sim: Path, out: Path, seed: int) -> None:
     """Write a copy of a simulated dataset in which the conditions (object, approach) are exchanged cyclically.
 
-    No condition keeps its own data, so that every simulation is the wrong one. sim: dataset to copy. out: file to
-    write. seed: of the random order.
+    Every condition gets the simulation of another condition. The copy is a control: the diagnosis is expected to report
+    an unknown cause or no gap. sim: dataset to copy. out: file to write. seed: of the random order.
     """
     shutil.copyfile(sim, out)
     rng = np.random.default_rng(seed)

@@ -82,7 +82,7 @@ class GraspCheck:
         """Return whether a contact point of the object moves by more than half the pitch during the hold.
 
         Each pose is compared with the last one. poses: f64[k, 4, 4] of the object. contacts: f64[m, 3], object frame.
-        The palm rests in the hold; a finger that still moves on an object at rest is not treated as motion.
+        Only the motion of the object counts: the palm is at rest, and a finger may still move on an object at rest.
         """
         points = contacts @ poses[:, :3, :3].transpose(0, 2, 1) + poses[:, None, :3, 3]
         return bool(np.linalg.norm(points - points[-1], axis=2).max() > self.hand.pitch_m / 2.0)
@@ -120,9 +120,10 @@ class GraspCheck:
         return bool(self.shape.signed_distance(foot) > ROUNDING_M)
 
     def _is_turned(self, pose: FloatArray) -> bool:
-        """Return whether the palm's direction, seen from the object, is closer to another approach than to the planned.
+        """Return whether the object has turned so far in the hand that the grasp resembles another approach.
 
-        pose: f64[4, 4] of the object.
+        This is the case if the palm's direction, seen from the object, is closer to the direction of another approach
+        than to the direction of the planned approach. pose: f64[4, 4] of the object.
         """
         axis = pose[:3, :3].T @ self.palm_axis
         return bool((self.other_axes @ axis).max(initial=-np.inf) > self.planned_axis @ axis)

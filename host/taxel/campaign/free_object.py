@@ -42,10 +42,12 @@ class FreeObject:
         mass = compute_mass_properties(shape)
         vertices = np.unique(shape.mesh(MESH_RESOLUTION)[0].round(9), axis=0)
         is_bottom = vertices[:, 2] < vertices[:, 2].min() + 1e-6
+        # NaN: the vertex does not stick to the stand yet.
         self._vertices, self._stuck = np.ascontiguousarray(vertices), np.full_like(vertices, np.nan)
         item = self.struct = ObjectStruct(mass_kg=mass.mass_kg, gravity_m_per_s2=GRAVITY_M_PER_S2, firmness=1.0)
         item.centre[:], item.inertia[:] = mass.centre_m.tolist(), mass.inertia_kg_m2.ravel().tolist()
         item.up[:], item.level = pose[:3, 2].tolist(), float(pose[:3, 2] @ pose[:3, 3])
+        # The springs of the bottom vertices together have the stiffness of the stand.
         item.stand_rate, item.stand_friction = STAND_N_PER_M / is_bottom.sum(), STAND_FRICTION
         item.steadying_rate[:] = STEADYING_N_PER_M, STEADYING_NM_PER_RAD
         item.steadying_damping[:] = STEADYING_N_S_PER_M, STEADYING_NM_S_PER_RAD

@@ -84,6 +84,7 @@ def _run_control_loop(
         previous, period = period, wait_for_period()
         hand.update()
         latest, elapsed_s = hand.read_joint_angles().angles, (period - previous) * PERIOD_S
+        # Low-pass filter of first order, because the encoder angles of one period resolve the speed only coarsely.
         speeds += min(elapsed_s / SPEED_FILTER_S, 1.0) * ((latest - angles) / elapsed_s - speeds)
         angles = latest
     return JointLog(np.array(times), np.array(angle_log))

@@ -59,12 +59,16 @@ class HandInContact:
         wrist_pose: FloatArray,
         angles: FloatArray,
     ) -> None:
-        """Create the dynamics of a hand at rest; arguments as for the class. Clears the contact solver's contacts.
+        """Create the dynamics of a hand at rest.
 
-        Raises ValueError for a hand that is too large for the C library.
+        robot: the part of the robot below its wrist. contact: the contact solver of the emulated skin; its contacts are
+        cleared. object_index: number of the object in the world file. item: the object on its stand. wrist_pose:
+        f64[4, 4], world. angles: initial joint angles f64[j], radians. Raises ValueError for a hand that is too large
+        for the C library.
         """
         self._library, self._contact, self._item = load_dynamics_library(), contact, item
         self._tree = _TreeArrays(robot, hand, contact)
+        # Columns: lower limit, upper limit, angle, speed, angle at which the spring of the dry friction is unloaded.
         self._joints = np.zeros((len(robot.joint_names), JOINT_VALUES))
         self._joints[:, 0], self._joints[:, 1] = robot.lower, robot.upper
         self._joints[:, 2] = self._joints[:, 4] = angles  # the springs of the dry friction are unloaded
@@ -141,7 +145,7 @@ class _TreeArrays:
     """Links, joints and boards of a hand in the memory layout of the C library."""
 
     def __init__(self, robot: Robot, hand: Hand, contact: SkinContact) -> None:
-        """Collect parents, joints and poses of the links, and the boards with their brackets.
+        """Collect parents, joints and poses of the links, and the boards with their brackets, in arrays for C.
 
         Raises ValueError for a hand that is too large for the C library, or whose boards differ in number from those of
         the contact solver.
@@ -155,6 +159,7 @@ class _TreeArrays:
             )
         is_revolute = [joint.axis is not None for joint in robot.joints]
         numbers = np.where(is_revolute, np.cumsum(is_revolute) - 1, -1)
+        # The first link is the root, which has no joint; -1: no revolute joint moves the link relative to its parent.
         self._parent = _to_indices([0, *(robot.get_link_index(joint.parent) for joint in robot.joints)])
         self._joint = _to_indices([-1, *numbers.tolist()])
         self._origin = _to_frames(np.stack([np.eye(4), *(joint.origin for joint in robot.joints)]))

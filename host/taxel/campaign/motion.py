@@ -51,8 +51,8 @@ def simulate_grasp_motion(
     """Simulate the motion of one grasp in virtual time: approach, close, hold, open and withdraw.
 
     The virtual hand and the driver of the real hand exchange messages on a virtual CAN bus. wrist_at: returns the wrist
-    poses f64[k, 4, 4], world, at k times f64[k], seconds since the start of the grasp. The motion has no records in the
-    baseline and the recovery, in which the scene rests: there its first and its last record are valid.
+    poses f64[k, 4, 4], world, at k times f64[k], seconds since the start of the grasp. The scene is at rest in the
+    baseline and in the recovery: the motion has no records there, and its first and its last record apply.
     """
     begin = max(0.0, timeline.get_start_s(Phase.CLOSING) - SETTLE_S)
     ticks = round((timeline.get_end_s(Phase.RELEASE) - begin) / PERIOD_S)
@@ -76,7 +76,8 @@ def simulate_grasp_motion(
     def wait_for_period() -> int:
         """Advance the virtual hand to its next report and return the number of the period.
 
-        Control periods in step with the reports halve the number of time steps: each event ends a time step.
+        Each report and each control command ends a time step of the simulation. If both occur at the same time, half as
+        many time steps are sufficient.
         """
         virtual.step(min(virtual.next_report_s - virtual.time_s, PERIOD_S))
         return next(periods)

@@ -80,8 +80,8 @@ def _describe_motion(planned: PlannedGrasp, settings: EmulatedSettings) -> str:
 def perform_grasp(setup: Setup, planned: PlannedGrasp, settings: EmulatedSettings) -> PerformedGrasp:
     """Simulate one grasp of the emulated hand, and repeat it with another variation if it fails.
 
-    Only the kept attempt becomes part of the session, whose duration is therefore that of its plan. Raises `TaxelError`
-    with a one-line message, for example for an unreachable pose.
+    Only the kept attempt becomes part of the session: repeated attempts do not lengthen the session. Raises
+    `TaxelError` with a one-line message, for example for an unreachable pose.
     """
     mechanical = select_mechanical_settings(settings)
     check = make_grasp_check(setup, planned)

@@ -76,9 +76,9 @@ def run_physical(
 
     station: arm, hand and skin. overwrite: replace an existing file. resume: keep the grasps that the file already
     contains. progress: called with the number of finished grasps and the total. All motions of the arm are planned
-    before the first one begins, and again from the measured joint angles before each of them; an infeasible motion
-    raises MotionPlanningError. Raises the errors of arm, hand and skin, with one-line messages. After an error the
-    finished grasps are in the file, the torques of the hand are zero and the arm is stopped.
+    before the arm moves, and each motion is planned again from the measured joint angles before the motion begins. An
+    infeasible motion raises MotionPlanningError. Raises the errors of arm, hand and skin, with one-line messages. After
+    an error the finished grasps are in the file, the torques of the hand are zero and the arm is stopped.
     """
     setup, settings = setup or Setup(), settings or PhysicalSettings()
     with open_campaign_writer(path, "real", setup, RATE_HZ, "physical hand", overwrite, resume) as out:

@@ -113,7 +113,7 @@ class CampaignPlanner:
         """Plan the motions of all grasps in their order, from a start posture f64[j] of arm and hand, and yield them.
 
         Before an object is placed anew, the arm returns to its angles at the start. An infeasible motion is yielded
-        with its error, and the next one starts where the infeasible one would have started.
+        with its error; the start posture of this motion is then also the start posture of the next motion.
         """
         here, previous = start, None
         known: dict[tuple[object, ...], MotionPlan] = {}
@@ -151,10 +151,10 @@ class MotionExecutor:
     def check_campaign(self, grasps: Sequence[PlannedGrasp]) -> None:
         """Plan the motions of all grasps, before anything moves.
 
-        Raises MotionPlanningError for the first infeasible one.
+        Raises MotionPlanningError for the first infeasible motion.
         """
         for motion in self._planner.plan_campaign(grasps, self._start):
-            self._update_hand()
+            self._update_hand()  # the reports of the hand are read meanwhile, so that they do not accumulate
             if motion.error is not None:
                 raise motion.error
 

@@ -23,7 +23,7 @@ def format_session_world(setup: Setup, settings: EmulatedSettings, session: int)
     """Format the emulator's world file of one session, in which every bracket is mounted with its own random offset."""
     world = WorldSettings(
         seed=int(np.random.SeedSequence([settings.seed, session]).generate_state(1)[0]),
-        parts_seed=settings.seed,
+        parts_seed=settings.seed,  # clocks, gains and other properties of the boards are equal in all sessions
         scl_hz=settings.scl_hz,
         baud=settings.baud,
         noise_counts=settings.noise_counts,

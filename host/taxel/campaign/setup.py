@@ -56,7 +56,7 @@ class Setup:
     torques: Setting = "hardware"
 
     def __post_init__(self) -> None:
-        """Complete the objects, and replace the bracket poses of the hand by the calibrated poses, if there are any."""
+        """Set the default objects if none are given, and replace bracket poses of the hand by calibrated poses."""
         if not self.objects:
             object.__setattr__(self, "objects", make_thesis_objects(select_object_sizes(self.hand.robot)))
         if self.calibration is not None:

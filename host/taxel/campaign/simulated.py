@@ -156,6 +156,7 @@ def simulate_planned_grasp(setup: Setup, planned: PlannedGrasp, settings: SimSet
     attempt = _perform_grasp(setup, planned, settings)
     motion = attempt.motion
     sensed = sense(setup.hand, item.shape, motion, settings.sensing)
+    # Some sensor models compute the counts from another force than the contact force.
     counts_force = sensed.contact_force if sensed.signal_force is None else sensed.signal_force
     hold = motion.phase == Phase.HOLD
     middle = int(np.flatnonzero(hold)[hold.sum() // 2]) if hold.any() else len(hold) - 1

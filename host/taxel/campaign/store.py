@@ -59,8 +59,8 @@ def open_campaign_writer(
 def _read_creation_time() -> str | None:
     """Return the time in the environment variable `SOURCE_DATE_EPOCH` (Unix time) in ISO format.
 
-    It makes files reproducible. None if the variable is not set or not a number; the dataset then states the present
-    time.
+    With a fixed creation time, the same campaign gives the same file. None if the variable is not set or not a number;
+    the dataset then states the present time.
     """
     epoch = os.environ.get("SOURCE_DATE_EPOCH", "")
     return datetime.fromtimestamp(int(epoch), UTC).isoformat() if epoch.isdecimal() else None

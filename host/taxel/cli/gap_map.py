@@ -14,10 +14,11 @@ from taxel.monitor.map_picture import draw_signal_map
 
 
 def print_gap_map(console: Console, report: Mapping[str, Any], hand_name: str) -> None:
-    """Print the excess of each taxel as a map, if the hand has a packaged description with the same taxels.
+    """Print a map of the taxels on the terminal: the part of each taxel's gap that repeats do not explain.
 
-    report: content of `report.json`. hand_name: name of the hand in the datasets. The name of a board with an excess
-    above the floor is bright.
+    This quantity is the root of the excess (squared gap minus squared floor), in counts. Nothing is printed if the hand
+    has no packaged description with the same taxels. report: content of `report.json`. hand_name: name of the hand in
+    the datasets. The name of a board is bright if a value of the board exceeds the floor.
     """
     checked = CheckedReport(report)
     if checked.excess is None:

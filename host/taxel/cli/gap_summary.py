@@ -114,8 +114,8 @@ def _format_action(action: Action) -> list[str]:
 def _format_gap(report: CheckedReport, mark: str) -> list[str]:
     """Return the lines with the gap before and after the diagnosed effects are added, and the floor, as bars.
 
-    The line of the gap after also states the shrink, the relative reduction; without effects it is left out. mark:
-    character of the bars.
+    The line "gap after" also states the shrink (relative reduction of the gap). A report without effects has no such
+    line. mark: character of the bars.
     """
     after = report.after
     has_effects = any(name != "unknown" for name in report.verdict.texts("effects"))
@@ -134,8 +134,8 @@ def _format_gap(report: CheckedReport, mark: str) -> list[str]:
 def _format_doubts(report: CheckedReport, most: int) -> list[str]:
     """Return the lines of the first two reasons for doubt or faulty grasps, and the number of the others.
 
-    If there are no others, the last line describes the repeated searches. most: largest number of lines for each
-    reason.
+    If there are no others, the last line states how many searches without one session find the same effects. most:
+    largest number of lines for each reason.
     """
     doubts = list_doubts(report)
     for problem in report.root.field("inputs").optional_list("problems"):
@@ -150,7 +150,7 @@ def _format_doubts(report: CheckedReport, most: int) -> list[str]:
 def _format_parameters(report: CheckedReport) -> list[str]:
     """Return up to two lines with the fitted parameters of the named effects.
 
-    If the simulation was repeated with effects, the second line contains its gap before and after.
+    If the simulator was run again with effects, the second line states the gap without and with these effects, counts.
     """
     texts = []
     for effect in report.effects:

@@ -134,8 +134,9 @@ def _make_setup(hand: str, calibration: Path | None, level: Level, source: str) 
     """Return the setup of a campaign: hand and poses of the objects.
 
     hand: packaged hand or description file. calibration: file with the measured poses of the objects. level: sensor
-    model of the simulator; the level "original" replaces the hand by the original hand, whose palm touches objects with
-    the tips of its mesh. Raises `TaxelError` for the level "original" with a source other than the simulator.
+    model of the simulator. The level "original" always uses the original hand, whose palm has rigid tips of the height
+    `PALM_TIPS_M` in place of the elastic layer. Raises `TaxelError` for the level "original" with a source other than
+    the simulator.
     """
     poses = load_calibration(calibration) if calibration is not None else None
     if level != "original":

@@ -47,8 +47,8 @@ def choose_joints(
 def choose_url_joints(url: str, skin: Skin, angles: str | None, file: Path | None) -> FloatArray | JointHistory | None:
     """Return the joint angles for the skin of a URL, constant or measured over time; None: not known.
 
-    For a recording (file:...) as `choose_joints`; a port has no measured angles, only those of --joint-angles. Raises
-    TaxelError for a joint file with a port.
+    The angles of a recording (file:...) are those of `choose_joints`. A port has no measured angles, only those of the
+    option --joint-angles. Raises TaxelError for a joint file with a port.
     """
     path = get_recorded_path(url)
     if path is not None:

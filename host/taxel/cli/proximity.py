@@ -219,11 +219,11 @@ def watch_command(
 
 
 def _print_estimates(skin: Skin, calibration: Path, horizon_s: float, seconds: float | None, as_json: bool) -> None:
-    """Print the estimates with a target or contact until the end of the skin, or for `seconds` of the stream's clock.
+    """Print the estimates with a target or contact until the stream of the skin ends, or for `seconds` of its clock.
 
-    An estimate is printed if a target is present, or in contact, with a probability above 0.5.
-    calibration: calibration file. horizon_s: time within which a contact is predicted, seconds. Raises TaxelError if no
-    board completed its baseline.
+    An estimate is printed if a target is present, or in contact, with a probability above 0.5. calibration: calibration
+    file. horizon_s: time within which a contact is predicted, seconds. Raises TaxelError if no board completed its
+    baseline.
     """
     estimators = open_watch(calibration, skin.hand, horizon_s)
     is_live = skin.link.is_real_time and has_arrivals(skin.link)

@@ -16,14 +16,17 @@ class LargestSignals:
     """Collects the lowest raw count of each taxel after the baseline of its board, the first 100 frames."""
 
     def __init__(self, hand: Hand) -> None:
-        """Create the collection for the boards of `hand`; it contains no frames yet."""
+        """Create an empty collection of the lowest raw counts (largest signals) of all taxels of `hand`."""
         self._hand = hand
         self._baselines = {board.address: Baseline(board.kind.taxel_count) for board in hand.boards}
         # The largest raw count is the start value of each minimum.
         self._lowest = {board.address: np.full(board.kind.taxel_count, 65_535, np.uint16) for board in hand.boards}
 
     def add(self, frame: TaxelFrame) -> None:
-        """Add a taxel frame."""
+        """Add a taxel frame: to the baseline of its board, or, after the baseline is complete, to the lowest counts.
+
+        Contact lowers the raw counts. A frame of a board that the hand does not have is ignored.
+        """
         baseline = self._baselines.get(frame.address)
         if baseline is None:
             return

@@ -31,9 +31,10 @@ STATUS: Final = 128 + signal.SIGTERM
 def interrupted_by_sigterm(grace_s: float = GRACE_S) -> Iterator[None]:
     """Handle the signal SIGTERM like Ctrl-C inside the block, so that a stopped service closes its files.
 
-    The process ends without cleanup if the handler has not run after `grace_s` seconds, or `LOCKED_S` seconds if no
-    Python code runs at all, or at a second SIGTERM. The previous handler is restored at the end: a program that runs a
-    command in its own process may have started child processes that must end at SIGTERM.
+    The process ends without cleanup in three cases: the handler has not run `grace_s` seconds after the signal, no
+    Python code at all runs for `LOCKED_S` seconds after the signal, or a second SIGTERM arrives. The previous handler
+    is restored at the end, because a program that runs a command in its own process may have started child processes
+    that must end at SIGTERM.
     """
     if threading.current_thread() is not threading.main_thread():  # only the main thread may set a signal handler
         yield
@@ -83,7 +84,10 @@ def _watch(grace_s: float) -> Iterator[threading.Event]:
 
 @contextmanager
 def _start_timer_by_sigterm() -> Iterator[None]:
-    """Let SIGTERM also start a timer of the kernel inside the block, by a handler in C, which runs at once."""
+    """Context manager: SIGTERM also starts a timer of the kernel, which ends the process after `LOCKED_S` seconds.
+
+    A handler in C starts the timer. The handler runs at once, even if no Python code runs.
+    """
     try:
         library = load_library("taxel_termination", "the handler of SIGTERM", TaxelError)
     except TaxelError:  # an incomplete installation still runs its commands

@@ -57,9 +57,10 @@ class SimulatorMode:
     def __init__(
         self, path: Path, known: "Reference", url: str, source: "Source", hand: str | None, options: PoseOptions
     ) -> None:
-        """Predict the contacts of the reference dataset `path`, from which `known` was learnt.
+        """Prepare the simulator, which predicts contacts in place of the mean of the reference's repeats.
 
-        url, source: the stream. hand: value of --hand. Raises TaxelError.
+        path: dataset of the reference. known: reference that was learnt from this dataset. url, source: the stream to
+        compare. hand: value of --hand. options: sources of joint angles and object poses. Raises TaxelError.
         """
         from taxel.twin.simulated.set_up import simulate_reference
         from taxel.twin.sources import SkinSource

@@ -49,7 +49,10 @@ class DistanceGrid:
 
     @classmethod
     def from_mesh(cls, mesh: TriangleMesh) -> DistanceGrid:
-        """Make a grid of binned signed distances to a mesh, over its bounding box extended by MAX_DISTANCE_M."""
+        """Make a grid of binned signed distances to a mesh, over its bounding box extended by MAX_DISTANCE_M.
+
+        The distance is computed at coarsely spaced samples and interpolated linearly to the centres of the cells.
+        """
         origin = mesh.bounds[0] - MAX_DISTANCE_M
         extent = mesh.bounds[1] + MAX_DISTANCE_M - origin
         spacing = max(SAMPLE_SPACING_M, float(np.cbrt(np.prod(extent) / MAX_SAMPLES)))
@@ -96,9 +99,10 @@ class DistanceGrid:
             along += offset[:, axis, None]
             np.clip(along, 0.0, size - 1.0, out=along)  # points beyond the grid take its border: the last bin
             np.floor(along, out=along)
-            cell *= size
+            cell *= size  # index of the cell in the flattened grid, exact in f32 (see MAX_CELLS)
             cell += along
         columns = self.bins.ravel().take(cell.astype(np.intp)).astype(np.intp)
+        # Every pose has its own range of numbers, so that one call of bincount counts the points of all poses.
         columns[:, active_count:] += BIN_COUNT
         columns += (2 * BIN_COUNT * np.arange(len(rotations)))[:, None]
         counts = np.bincount(columns.ravel(), minlength=2 * BIN_COUNT * len(rotations))

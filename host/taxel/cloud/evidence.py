@@ -59,8 +59,9 @@ class ShapeLikelihood:
     def compute_by_grasp(self, cloud: ContactCloud) -> FloatArray:
         """Compute the log likelihood of the contacts of each grasp for the shape, averaged over poses, f64[G, K].
 
-        G: grasps. K: pairs of the parameters reach and blur (see the top of this file). The row of a grasp without an
-        active taxel is 0. The cloud is in the frame of the shape, up to the uncertainty of the object pose.
+        G: grasps. K: pairs of the parameters reach (distance from the shape up to which taxels are active) and blur
+        (width of the transition). The row of a grasp without an active taxel is 0. The cloud is in the frame of the
+        shape, up to the uncertainty of the object pose.
         """
         result = np.zeros((len(cloud.grasps), len(REACH_M) * len(BLUR_M)))
         margin = MAX_DISTANCE_M + 3.0 * max(POSE_STD_M)  # taxels farther away are inactive in every pose

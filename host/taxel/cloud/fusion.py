@@ -17,7 +17,7 @@ def fuse_repeats(cloud: ContactCloud, min_share: float = 0.0) -> ContactCloud:
     share of the repeats are left out; 0: none is left out. The inactive points are not changed. A fused point is
     assigned to the first repeat in which its taxel was active.
     """
-    # One number for each pair of approach and taxel; the number of an unknown taxel is -1.
+    # One number for each pair of approach and taxel. The taxel numbers begin at -1 (unknown), therefore + 2, not + 1.
     key = cloud.approach * (int(cloud.taxel.max(initial=0)) + 2) + cloud.taxel
     _, first, group, times = np.unique(key, return_index=True, return_inverse=True, return_counts=True)
     group = group.reshape(-1)

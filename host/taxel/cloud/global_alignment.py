@@ -42,6 +42,7 @@ def compute_guesses(points: FloatArray, target: FloatArray) -> list[FloatArray]:
     guesses = [np.eye(4)]
     for order in permutations(range(3)):
         for signs in product((1.0, -1.0), repeat=3):
+            # Half of the 48 combinations of order and signs have the determinant 1; the others are reflections.
             rotation = target_axes[:, order] * signs @ axes.T
             if np.linalg.det(rotation) > 0.0:
                 guess = np.eye(4)

@@ -118,7 +118,11 @@ class TriangleMesh:
         return tree
 
     def find_closest(self, points: FloatArray) -> ClosestPoints:
-        """Find the exact nearest points of the mesh's surface to finite points f64[N, 3]."""
+        """Find the exact nearest points of the mesh's surface to finite points f64[N, 3].
+
+        The normal is the unit vector from the nearest point to the given point; for a point on the surface, it is the
+        normal of the face.
+        """
         squared, face, nearest = self._tree.squared_distance(
             self.vertices, self.faces, np.ascontiguousarray(points, dtype=np.float64)
         )

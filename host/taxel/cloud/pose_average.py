@@ -95,9 +95,9 @@ class _Normal:
         self._log_determinant = float(np.log(np.diag(root)).sum())
 
     def log_density(self, poses: FloatArray) -> FloatArray:
-        """Compute the log density of a normal distribution at poses f64[n, 6], f64[n].
+        """Return the log density f64[n] of this normal distribution at poses f64[n, 6].
 
-        The power of 2 pi is left out, because it cancels in the weights of the samples.
+        The constant term with log(2 pi) is omitted, because it cancels in the weights of the samples.
         """
         scaled = (poses - self._mean) @ self._inverse
         return np.asarray(-0.5 * np.einsum("ij,ij->i", scaled, scaled) - self._log_determinant)
@@ -156,7 +156,10 @@ def _effective_samples(weights: FloatArray) -> float:
 
 @lru_cache(maxsize=256)
 def _sample_standard_normal(count: int, seed: int) -> FloatArray:
-    """Make standard normal samples f64[count, 6] from a scrambled Sobol sequence; each block of 64 is balanced, too."""
+    """Return standard normal samples f64[count, 6]: a scrambled Sobol sequence, transformed by the inverse normal CDF.
+
+    Each block of 64 samples is evenly distributed, like the whole sequence.
+    """
     from scipy.stats import qmc  # the import takes half a second, which commands without samples need not wait for
 
     return np.asarray(ndtri(qmc.Sobol(6, rng=np.random.default_rng(seed)).random(count)))

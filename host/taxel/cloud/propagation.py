@@ -35,7 +35,8 @@ class Propagation:
     def find_neighbours(self, taxels: TaxelTable) -> csr_array:
         """Find the pairs of taxels on one board that are near enough to activate each other.
 
-        Returns a sparse matrix f64[n, n] with a one for each pair, without the diagonal.
+        Two taxels form a pair if their distance is at most `reach_m`, or if they are adjacent (`_find_adjacent`) when
+        `reach_m` is None. Returns a symmetric sparse matrix f64[n, n] with a one for each pair and a zero diagonal.
         """
         pairs = [np.empty((0, 2), np.int64)]
         for board in np.unique(taxels.sensor):
@@ -58,6 +59,7 @@ class Propagation:
         """
         strength = np.where(active & (np.nan_to_num(signal) > self.min_signal_counts), signal, 0.0)
         strongest = np.zeros(len(strength))
+        # Row of each stored element of the sparse (CSR) matrix; `neighbours.indices` contains the columns.
         rows = np.repeat(np.arange(len(strength)), np.diff(neighbours.indptr))
         np.maximum.at(strongest, rows, strength[neighbours.indices])
         return active | (strongest > 0.0), np.where(active, signal, strongest)

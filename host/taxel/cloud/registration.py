@@ -139,7 +139,10 @@ def align_to_points(
 
 
 def check_alignable(points: FloatArray, name: str) -> None:
-    """Raise RegistrationError for fewer than three points or points on a line, CloudError for points not finite."""
+    """Raise RegistrationError for fewer than three points or points on a line, CloudError for coordinates not finite.
+
+    points: f64[N, 3]. name: of the cloud, for the message.
+    """
     check_points(points, name)
     expected = "three or more that do not lie on one line"
     if len(points) < 3:
@@ -152,6 +155,7 @@ def check_alignable(points: FloatArray, name: str) -> None:
 def _are_on_a_line(points: FloatArray) -> bool:
     """Whether points f64[n, 3] lie on a line, within `LINE_TOLERANCE` of their extent."""
     arms = points - points.mean(axis=0)
+    # Extents along the principal axes, in ascending order: points on a line have only the last one.
     extent = np.sqrt(np.maximum(np.linalg.eigvalsh(arms.T @ arms), 0.0))
     return bool(extent[1] <= LINE_TOLERANCE * extent[2])
 

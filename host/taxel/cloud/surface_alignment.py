@@ -72,16 +72,17 @@ class SurfaceAlignment:
     def step(self) -> None:
         """Compute one damped Newton step of the alignment; accept it if it decreases the sum of squared distances.
 
-        The second derivative (Hessian) of the step is a mean of that for fixed nearest points, with the weight
-        `damping`, and the exact one. A step that does not decrease the sum is discarded. Then a lengthened step
-        (`step_factor` above 1) is repeated with its computed length; otherwise the damping is raised, and at a damping
-        of 1, the alignment is finished.
+        The step uses a weighted mean of two second derivatives (Hessians): the Hessian for fixed nearest points has
+        the weight `damping`, the exact Hessian has the weight 1 - `damping`. A step that does not decrease the sum is
+        discarded. If the discarded step was lengthened (`step_factor` above 1), the next step has its computed length.
+        Otherwise the damping is raised; if it is already 1, the alignment is finished.
         """
         hessian = self.damping * self._fixed_hessian + (1.0 - self.damping) * self._exact_hessian
         # A small multiple of the identity (scaled to the size of the cloud) keeps the pose in directions in which the
         # surface does not determine it.
         regularised = hessian + 1e-12 * self._fixed_hessian
         motion: FloatArray = np.asarray(-np.linalg.solve(regularised, self._gradient), dtype=np.float64)
+        # The gradient and the Hessian belong to half the cost, so the full step decreases the cost by this product.
         predicted = -float(self._gradient @ motion)
         candidate = self._motion_transform(self.step_factor * motion)
         points = apply(candidate, self.points)
@@ -105,6 +106,7 @@ class SurfaceAlignment:
         decreases grow. decrease, predicted: actual and predicted decrease of the sum.
         """
         is_small = decrease < SMALL_DECREASE * self.cost
+        # A high damping shortens the step, so a small decrease does not yet indicate convergence.
         self.is_finished = decrease < self.tolerance * self.cost and self.step_factor <= 1.0 and self.damping < 0.5
         if self.step_factor > 1.0:
             self.step_factor = 2.0 * self.step_factor if decrease > self.last_decrease else 1.0
@@ -117,12 +119,13 @@ class SurfaceAlignment:
             self._update_derivatives()
 
     def _update_derivatives(self) -> None:
-        """Compute first and second derivatives of half the sum of squared distances by a small motion of the cloud.
+        """Compute the derivatives of half the sum of squared distances with respect to a small motion of the cloud.
 
-        The motion is a rotation about the centre of the cloud and a shift. Two second derivatives are stored: one for
-        fixed nearest points, and the exact one. In the exact one, a motion of a point changes the squared distance only
-        along the normal if the nearest point is inside a face, also perpendicular to the edge if it is on an edge, and
-        in all directions if it is on a corner; each of these directions is a row of the Jacobian.
+        The motion is a rotation about the centre of the cloud and a shift. The method stores the gradient and two
+        second derivatives: the Hessian for fixed nearest points, and the exact Hessian. The exact Hessian depends on
+        where the nearest point of a cloud point lies. Inside a face, only a motion along the normal changes the squared
+        distance. On an edge, a motion perpendicular to the edge changes it too. On a corner, a motion in any direction
+        does. Each of these directions is a row of the Jacobian.
         """
         self._centre = self.points.mean(axis=0)
         arms = self.points - self._centre
@@ -137,6 +140,8 @@ class SurfaceAlignment:
         self._gradient = rows[0].T @ self.closest.distance
         jacobian = np.concatenate(rows)
         self._exact_hessian = jacobian.T @ jacobian
+        # A motion of a point in any direction counts. Rotation and shift are not coupled, because the rotation is about
+        # the centre of the points.
         self._fixed_hessian = np.zeros((6, 6))
         self._fixed_hessian[:3, :3] = np.trace(inertia) * np.eye(3) - inertia
         self._fixed_hessian[3:, 3:] = len(arms) * np.eye(3)
@@ -152,9 +157,10 @@ class SurfaceAlignment:
 
 
 def _jacobian(arms: FloatArray, directions: FloatArray) -> FloatArray:
-    """Compute the derivatives f64[N, 6] of the displacement of points along directions by rotations and shifts.
+    """Return the derivatives f64[N, 6] of the displacement of each point along its direction.
 
-    arms: points relative to the centre of rotation, f64[N, 3]. directions: f64[N, 3].
+    Columns 0 to 2 are derivatives with respect to a rotation vector, columns 3 to 5 with respect to a shift. arms:
+    points relative to the centre of rotation, f64[N, 3]. directions: f64[N, 3].
     """
     return np.concatenate([cross(arms, directions), directions], axis=1)
 

@@ -128,8 +128,8 @@ def sweep_outlier_filter(
     """Measure the distances of a cloud to a mesh for several settings of the outlier filter, one row for each.
 
     The settings are the rules of the thesis for the object. threshold: counts of the force filter that is applied
-    first. Raises CloudError for a filtered cloud with fewer points than the filter's N, RegistrationError for a rule
-    that leaves too few points.
+    first. Raises CloudError if the cloud has fewer points after the force filter than the outlier filter has
+    neighbours (N), and RegistrationError for a rule that leaves too few points.
     """
     filtered = filter_by_force(cloud, threshold)
     rules = get_sor_rules(object_name)
@@ -150,14 +150,17 @@ def sweep_outlier_filter(
 def get_sor_rules(object_name: str) -> tuple[Rule, ...]:
     """Return the settings of statistical outlier removal (SOR) that the thesis lists for an object.
 
-    An object that is not in the thesis gets those of the rectangular prism.
+    For an object that is not in the thesis, the settings of the rectangular prism are returned.
     """
     first = next(iter(SOR_RULES.values()))
     return next((rules for start, rules in SOR_RULES.items() if object_name.lower().startswith(start)), first)
 
 
 def count_neighbours(share: int | str, points: int) -> int:
-    """Compute the outlier filter's N for a cloud of `points` points. share: a number, or a fraction by name."""
+    """Return the number of neighbours N that the outlier filter uses for a cloud of `points` points.
+
+    share: this number, or a share of the cloud: `ALL_BUT_ONE`, `HALF` or `QUARTER`.
+    """
     if isinstance(share, int):
         return share
     return {ALL_BUT_ONE: points - 1, HALF: round(points / 2), QUARTER: round(points / 4)}[share]

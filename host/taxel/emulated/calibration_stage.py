@@ -91,7 +91,8 @@ def find_middle_taxel(hand: Hand, board: str) -> int:
 def align_to_board(hand: Hand, board: str, taxel: int) -> FloatArray:
     """Compute the rotation f64[4, 4] from the normal of a taxel to the mean normal of its board.
 
-    The rotation is expressed in the frame of the stage above the taxel (`make_stage_frame`). taxel: index on the board.
+    The stage is the emulated device that holds the target above the taxel; the rotation is expressed in its frame
+    (`make_stage_frame`, z axis along the taxel's normal). taxel: index on the board.
     """
     surface = hand.find_board(board).kind.surface
     if surface is None:

@@ -116,8 +116,8 @@ class SkinContact:
     def get_handle(self, index: int) -> int:
         """Return the address of the contact in memory, for C functions that evaluate the contact themselves.
 
-        index: number of the object that these functions will use; -1: no object. It is only checked: raises ValueError
-        for another index, and for a closed contact.
+        index: number of the object that these functions will use; -1: no object. The index does not change the result.
+        Raises ValueError for an index out of range, and for a closed contact.
         """
         self._check(-1 <= index < self._object_count, f"an object from -1 to {self._object_count - 1}, found {index}")
         return self._handle
@@ -132,6 +132,7 @@ class SkinContact:
         step. Raises ValueError for an index out of range or an array of another shape.
         """
         touched = self._evaluate(index, object_pose, bracket_poses, None, advance)
+        # Columns of the load of a board: force and moment (0 to 5), stiffness (6 to 41), clearance (42).
         stiffness = self._load[:, 6:42].reshape(-1, 6, 6).copy()
         return ContactLoad(self._load[:, :6].copy(), stiffness, self._load[:, 42].copy(), touched)
 

@@ -88,9 +88,10 @@ class HandStruct(ctypes.Structure):
 
 @cache
 def load_dynamics_library() -> ctypes.CDLL:
-    """Load the compiled C library with the dynamics.
+    """Load the compiled C library that computes the dynamics of hand and object.
 
-    Raises `ContactLibraryError` if the library is missing or belongs to another version of the package.
+    Raises `ContactLibraryError` if the library is missing. Also raises it if a C structure has another size than its
+    Python counterpart, because the library then belongs to another version of the package.
     """
     library = load_contact_library()
     sizes = (_SIZE * 5)()
@@ -116,7 +117,7 @@ def load_dynamics_library() -> ctypes.CDLL:
 @cache
 def load_size_limits() -> tuple[int, int, int]:
     """Return the largest numbers of links, revolute joints and boards of a hand in the C library."""
-    sizes = (_SIZE * 5)()
+    sizes = (_SIZE * 5)()  # the first two elements are sizes of C structures
     load_dynamics_library().taxel_dynamics_sizes(sizes)
     return sizes[2], sizes[3], sizes[4]
 
@@ -127,7 +128,7 @@ def view_frame(frame: ctypes.Array[ctypes.c_double]) -> FloatArray:
 
 
 def make_pose(frame: ctypes.Array[ctypes.c_double]) -> FloatArray:
-    """Return a copy f64[4, 4] of a rigid transform in a structure."""
+    """Return the rigid transform in a field of a C structure (three rows of four numbers) as a new array f64[4, 4]."""
     pose = np.eye(4)
     pose[:3] = view_frame(frame)
     return pose

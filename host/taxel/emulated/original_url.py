@@ -29,11 +29,11 @@ ORIGINAL_OPTIONS: Final = frozenset(
 def parse_original_firmware(url: str, options: Mapping[str, str], hand: Hand) -> OriginalFirmware:
     """Parse the options of a URL that set the firmware of the original hub and boards.
 
-    `generation=thesis` (default) or `first` sets the default of all other options. `variant`, `message` and
-    `known_faults` (names separated by commas): see `taxel.hand.original_firmware`, as for `delay_ms`, `pacing` (0 or
-    1), `ring` (bytes) and `copy_us`. `skip`: addresses of boards that the hub does not poll, separated by commas, such
-    as 0x0B,0x17. `accelerations`: addresses of boards that send three more words after their counts. Raises `LinkError`
-    for any other value.
+    `generation=thesis` (default) or `first` sets the default of all other options. `OriginalFirmware` describes the
+    options `variant`, `message`, `known_faults` (names separated by commas), `delay_ms`, `pacing` (0 or 1), `ring`
+    (bytes) and `copy_us`. `skip`: addresses of boards that the hub does not poll, separated by commas, such as
+    0x0B,0x17. `accelerations`: addresses of boards that send three more words after their counts. Raises `LinkError`
+    for an invalid value of an option.
     """
     firmware = GENERATIONS[_parse_choice(url, "generation", options.get("generation", "thesis"), tuple(GENERATIONS))]
     changes: dict[str, Any] = {}
@@ -72,7 +72,7 @@ def _parse_boards(url: str, name: str, text: str, hand: Hand) -> list[int]:
     """
     try:
         addresses = [int(word, 0) for word in text.split(",")]
-        if name == "skip":
+        if name == "skip":  # called for its check: it raises ValueError for an unknown address or no polled board
             list_polled_addresses(hand, addresses)
         elif not set(addresses) <= {board.address for board in hand.boards}:
             raise ValueError(f"hand {hand.name} has other addresses")

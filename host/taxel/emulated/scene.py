@@ -36,6 +36,7 @@ def format_scene(hand: Hand, scene: EmulatedScene, settings: WorldSettings | Non
     if hand.layer_m is None:
         raise HandGeometryError(hand.name)
     lines = [f"layer {hand.layer_m!r}"]
+    # With a layout, the text of `format_world` already contains the surface.
     lines += [] if has_layout(hand) else format_surface(hand)
     for name, shape in scene.objects.items():
         lines += _format_object(name, shape)

@@ -105,8 +105,8 @@ def make_stage_frame(hand: Hand, board: str, taxel: int) -> FloatArray:
 def compute_target_poses(hand: Hand, shape: Shape, motion: TargetMotion) -> tuple[FloatArray, FloatArray]:
     """Compute the poses f64[k, 4, 4] of a target in the frame of the bracket, and its true distances f64[k], metres.
 
-    The target is moved along the normal of the stage until its distance is the requested one. The distance is infinite
-    where the target has moved beside the board.
+    The target is shifted along the normal of the stage until its smallest distance from the skin points is
+    `motion.distance_m`. The distance is infinite where the target has moved beside the board.
     """
     points, _ = compute_skin_points(hand, motion.board)
     frame = make_stage_frame(hand, motion.board, motion.taxel)
@@ -115,6 +115,7 @@ def compute_target_poses(hand: Hand, shape: Shape, motion: TargetMotion) -> tupl
     poses = np.tile(np.eye(4), (len(motion.time_s), 1, 1))
     poses[:, :3, :3] = rotation
     beside = np.zeros(len(motion.time_s), dtype=bool)
+    # Poses with the same lateral displacement share one computation of the distance to the skin.
     places, which = np.unique(motion.lateral_m, axis=0, return_inverse=True)
     for index, lateral in enumerate(places):
         rows = which.ravel() == index
@@ -159,7 +160,8 @@ def record_target_motions(
         # The brackets are placed far apart in a row, so that the target acts on one board only.
         in_bracket[:, 0, 3] += BRACKET_SPACING_M * index_of[motion.board]
         number = list(shapes).index(motion.target)
-        # Before and after the motion there is no object; a change of the object takes effect in a step.
+        # Records without an object (-1), 1 microsecond before and after the motion: the target appears and disappears
+        # in a step.
         times += [dense.time_s[0] - 1e-6, *dense.time_s.tolist(), dense.time_s[-1] + 1e-6]
         numbers += [-1, *[number] * len(dense.time_s), -1]
         poses += [in_bracket[:1], in_bracket, in_bracket[-1:]]
@@ -175,7 +177,10 @@ def record_target_motions(
 
 
 def _resample(motion: TargetMotion) -> TargetMotion:
-    """Return the motion with more poses where the target moves, at intervals of about `STEP_S` or `STEP_M`."""
+    """Return the motion with more poses where the target moves, at intervals of about `STEP_S` or `STEP_M`.
+
+    Of the two intervals (time and travel), the interval that gives fewer poses is used.
+    """
     times = [motion.time_s[:1]]
     moving = np.abs(np.diff(motion.distance_m)) + np.abs(np.diff(motion.lateral_m, axis=0)).sum(axis=1)
     for begin, end, travel in zip(motion.time_s[:-1], motion.time_s[1:], moving, strict=True):

@@ -115,7 +115,7 @@ def _check_choices(url: str, options: dict[str, str]) -> None:
         raise LinkError(url, f"option 'protocol' must be taxel or original, found '{protocol}'")
     known = {*_NUMBER_RANGES, *_OTHER_OPTIONS, *(ORIGINAL_OPTIONS if protocol == "original" else ())}
     unknown = sorted(set(options) - known)
-    if not options.get("stimulus", "x"):
+    if not options.get("stimulus", "x"):  # an empty file name; "x" stands for a missing option
         raise LinkError(url, "option 'stimulus' must name a file, found ''")
     if unknown:
         raise LinkError(url, f"unknown option '{unknown[0]}'; known are {', '.join(sorted(known))}")
@@ -140,11 +140,11 @@ def _parse_lines(url: str, name: str, query: str) -> list[str]:
 
 
 def _get_fault_time(line: str) -> float:
-    """Return the time of a fault line, seconds, by which faults are sorted; infinity if the line begins otherwise."""
+    """Return the time of a fault line, seconds, by which faults are sorted; infinity if its first word is no number."""
     try:
         return float(line.split()[0])
     except (ValueError, IndexError):
-        return float("inf")  # the emulator reports the line
+        return float("inf")  # sorted last; the emulator reports the invalid line
 
 
 def _parse_number(url: str, name: str, text: str, low: float, high: float) -> float:

@@ -77,10 +77,11 @@ def diagnose(
     """Return the diagnosis of the gap between two datasets: its location, its causes and its shrink.
 
     without: names of effects that are excluded from the catalogue. seed: seed of the bootstrap, of the p-values and of
-    the placebo in millimetres. show: called with the stage and the progress of the stage. priors: priors on parameters
-    of effects. nested: if True, the comparison is repeated without each session, and its result is evaluated on this
-    session; the run time grows with the number of sessions. resimulator: simulates with the most probable sets of
-    effects, whose measured gaps then decide. Raises DatasetError and GapInputError with a one-line message.
+    the random taxels in the gap in millimetres (`compute_cloud_gap`). show: called with the stage and the progress of
+    the stage. priors: priors on parameters of effects. nested: if True, the comparison is repeated without each
+    session, and its result is evaluated on this session; the run time grows with the number of sessions. resimulator:
+    simulates with the most probable sets of effects, whose measured gaps then decide. Raises DatasetError and
+    GapInputError with a one-line message.
     """
     start_s = time.perf_counter()
     forms = choose_effects(without, priors)

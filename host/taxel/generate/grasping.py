@@ -151,8 +151,8 @@ class ShardGenerator:
     def _make_approach(self, sample: SampledGrasp) -> Approach:
         """Make the approach of a sampled grasp.
 
-        It is the shifted grasp of the original experiment if hand and approach are those of this experiment; otherwise
-        it follows from the sampled placement of the palm.
+        If hand and approach are those of the original experiment, its recorded grasp is shifted by the sampled values.
+        Otherwise the approach is computed from the sampled placement of the palm.
         """
         if not (self.setup.is_original and sample.kind.approaches == "thesis"):
             return make_approach(sample.item, sample.approach, sample.placement, self.setup.hand, withdraw_m=WITHDRAW_M)
@@ -165,7 +165,8 @@ class ShardGenerator:
     def _make_record(self, sample: SampledGrasp, motion: GraspMotion) -> tuple[GraspRecord, FloatArray]:
         """Make the dataset record of a simulated grasp without effects.
 
-        Also returns the mean force on each taxel in the hold phase, f64[n], newtons.
+        Forces and separations are rounded to `FORCE_STEP_N` and `LENGTH_STEP_M`, because smaller digits are noise of
+        the solver. Also returns the mean force on each taxel in the hold phase, f64[n], newtons.
         """
         hand = self.setup.hand
         stiffness = sample.layer_stiffness * self.sensing.stiffness_n_per_m

@@ -71,7 +71,7 @@ def shift_recorded_approach(approach: Approach, shape: Shape, nominal: Shape, sa
     shape: shape of the sampled object. nominal: shape of the object in the recorded grasp. Without a shift, the palm
     keeps its distance from the surface.
     """
-    x, y, z = approach.palm_pose[:3, :3].T
+    x, y, z = approach.palm_pose[:3, :3].T  # axes of the palm: x towards the object, z towards the fingertips
     wider_m = _compute_extent(shape, -x) - _compute_extent(nominal, -x)
     pose, angle = approach.palm_pose.copy(), np.radians(sampled["turn_deg"])
     pose[:3, 3] += x * (1e-3 * sampled["press_mm"] - RECORDED_PRESS_M - wider_m)

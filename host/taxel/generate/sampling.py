@@ -54,7 +54,7 @@ class SampledGrasp:
 def sample_grasp(recipe: Recipe, number: int, first_attempt: int = 0) -> SampledGrasp:
     """Sample the random quantities of grasp `number` of a recipe, starting with attempt `first_attempt`.
 
-    Raises SamplingError if no attempt is left, or if the sizes of no attempt bound a solid.
+    Raises SamplingError if no attempt is left, or if the sampled sizes of every attempt describe no solid.
     """
     reason, label = "no attempt is left", "any object"
     for attempt in range(first_attempt, ATTEMPTS):
@@ -67,7 +67,7 @@ def sample_grasp(recipe: Recipe, number: int, first_attempt: int = 0) -> Sampled
 
 
 def _sample_attempt(recipe: Recipe, number: int, attempt: int, rng: np.random.Generator) -> SampledGrasp:
-    """Sample all random quantities of a grasp once. Raises ShapeError for sizes that bound no solid."""
+    """Sample all random quantities of a grasp once. Raises ShapeError for sizes that describe no solid."""
     shares = np.cumsum([kind.share for kind in recipe.objects])
     kind = recipe.objects[int(np.searchsorted(shares, float(rng.random()) * shares[-1], side="right"))]
     values = kind.sample(rng)

@@ -66,7 +66,7 @@ def grasp_id(number: int) -> str:
 def generate_shard(recipe: Recipe, shard: int) -> bytes:
     """Generate the grasps of a shard and return the content of its file.
 
-    It depends only on the recipe, the number of the shard and the releases of the packages.
+    The content depends only on the recipe, the number of the shard and the releases of the packages.
     """
     with single_thread(), tempfile.TemporaryDirectory(prefix="taxel-") as folder:
         path = Path(folder) / format_shard_name(shard, recipe.shards)

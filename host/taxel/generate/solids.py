@@ -164,10 +164,10 @@ def read_mesh_kind(path: Path, name: str, scale: Range, unit_m: float, share: fl
 
 
 def _select_corners(corners: FloatArray) -> tuple[FloatArray, float]:
-    """Reduce the corners of a convex hull to at most `MAX_CORNERS`; also return how far a removed one is outside.
+    """Reduce the corners of a convex hull to at most `MAX_CORNERS`; also return the error of the reduced hull, metres.
 
-    The outermost corners along the axes are selected first, then always the corner farthest from those selected so far.
-    The second value is the largest distance of a removed corner from the reduced hull, metres.
+    The outermost corners along the axes are selected first, then always the corner that is farthest from the selected
+    corners. The error is the largest distance of a removed corner outside the reduced hull.
     """
     if len(corners) <= MAX_CORNERS:
         return corners, 0.0

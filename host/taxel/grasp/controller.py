@@ -51,10 +51,10 @@ class GraspController:
     def compute_torque(self, t: float, angles: FloatArray, velocities: FloatArray) -> FloatArray:
         """Compute the motor torques f64[j], Nm, at `t` seconds after the start of the grasp.
 
-        Held joints are controlled to their targets. The torque of a closing joint is a mixture of the position control
-        to its open angle and of the closing torque, by the grip fraction of the timeline. The closing torque follows an
-        angle that moves with constant speed, and is limited to the permitted part of the planned torque. angles:
-        f64[j], radians. velocities: f64[j], radians per second.
+        Held joints are controlled to their targets. The torque of a closing joint is a weighted mean of two torques:
+        the closing torque, whose weight is the grip fraction of the timeline, and the torque of the position control to
+        the open angle. The closing torque follows an angle that moves with constant speed. Its limit is the part of the
+        planned torque that the timeline permits. angles: f64[j], radians. velocities: f64[j], radians per second.
         """
         fraction = self.timeline.get_grip_fraction(t)
         position_torque = self._stiffness * (self._target - angles)

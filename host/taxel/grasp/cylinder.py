@@ -37,6 +37,7 @@ class Cylinder:
         circle = self.radius * np.stack([np.cos(angles), np.sin(angles)], axis=1)
         low = np.column_stack([circle, np.zeros(resolution)])
         high = np.column_stack([circle, np.full(resolution, self.height)])
+        # The last two vertices are the centres of the caps.
         vertices = np.concatenate([low, high, [[0.0, 0.0, 0.0], [0.0, 0.0, self.height]]])
         i = np.arange(resolution)
         j = (i + 1) % resolution
@@ -107,11 +108,12 @@ class Cylinder:
         return np.where(is_miss, np.inf, enter), np.where(is_miss, -np.inf, leave)
 
     def view_faces(self, tops: FloatArray, axes: FloatArray, min_slope: float) -> tuple[FloatArray, FloatArray]:
-        """Compute depths f64[m, 3] and normals f64[m, 3, 3] of m columns below wall, bottom and top of the cylinder.
+        """Compute how deep m columns of a soft layer lie below the wall, the bottom and the top of the cylinder.
 
-        tops, axes: upper ends and outward unit directions of columns of a soft layer, f64[m, 3]. depth: distance from
-        the top to the face against the axis, metres. min_slope: least cosine between axis and inward normal, so that a
-        side face has a finite depth. The wall is a plane tangential to the cylinder. Implements `Shape.view_faces`.
+        tops, axes: upper ends and outward unit directions of the columns, f64[m, 3]. Returns the depths f64[m, 3],
+        distances from the upper end to each face against the axis, metres, and the outward unit normals of the faces,
+        f64[m, 3, 3]. min_slope: least cosine between axis and inward normal, so that a side face has a finite depth.
+        The wall is a plane tangential to the cylinder. Implements `Shape.view_faces`.
         """
         radius = np.hypot(tops[:, 0], tops[:, 1])
         outward = np.divide(

@@ -239,9 +239,9 @@ def make_thesis_approaches(
 def make_thesis_plan(seed: int, sessions: int = SESSIONS) -> tuple[PlannedGrasp, ...]:
     """Make the plan of the 144 grasps of Table 5.1 of the thesis, in the order of execution.
 
-    The grasps are distributed so that every session contains every approach (with at most six sessions) and the lengths
-    of sessions differ by at most one; the order within a session is sampled with `seed`. Raises ValueError for fewer
-    than one session or more sessions than an approach has grasps.
+    The grasps are distributed so that every session contains every approach, and the numbers of grasps of two sessions
+    differ by at most one. The order within a session is sampled with `seed`. Raises ValueError for fewer than one
+    session or more sessions than an approach has grasps.
     """
     if not 1 <= sessions <= min(ITERATIONS.values()):
         raise ValueError(f"sessions: expected 1 to {min(ITERATIONS.values())}, found {sessions}")

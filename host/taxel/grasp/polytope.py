@@ -90,6 +90,7 @@ class ConvexPolytope:
             angle = float(np.arccos(np.clip(pair[0] @ pair[1], -1.0, 1.0)))
             strips = int(np.ceil(angle / step_rad - 1e-9)) - 1
             for strip in range(1, strips + 1):
+                # Spherical interpolation between the normals of the two faces.
                 fraction = strip / (strips + 1)
                 normal = (np.sin((1 - fraction) * angle) * pair[0] + np.sin(fraction * angle) * pair[1]) / np.sin(angle)
                 normals.append(normal)
@@ -219,11 +220,12 @@ class ConvexPolytope:
         return np.where((enter <= leave) & (leave >= 0), enter, np.inf), face
 
     def view_faces(self, tops: FloatArray, axes: FloatArray, min_slope: float) -> tuple[FloatArray, FloatArray]:
-        """Compute depths f64[m, k] and normals f64[m, k, 3] of m columns below the k faces of the polytope.
+        """Compute how deep m columns of a soft layer lie below each of the k faces of the polytope.
 
-        tops, axes: upper ends and outward unit directions of columns of a soft layer, f64[m, 3]. depth: distance from
-        the top to the plane of the face against the axis, metres. min_slope: least cosine between axis and inward
-        normal, so that a side face has a finite depth. Implements `Shape.view_faces`.
+        tops, axes: upper ends and outward unit directions of the columns, f64[m, 3]. Returns the depths f64[m, k],
+        distances from the upper end to the plane of each face against the axis, metres, and the outward unit normals of
+        the faces, f64[m, k, 3]. min_slope: least cosine between axis and inward normal, so that a side face has a
+        finite depth. Implements `Shape.view_faces`.
         """
         depths = (self.offsets - tops @ self.normals.T) / np.maximum(-axes @ self.normals.T, min_slope)
         return depths, np.broadcast_to(self.normals, (len(tops), *self.normals.shape))
@@ -297,6 +299,7 @@ def make_convex_polytope(vertices: npt.ArrayLike, faces: npt.ArrayLike) -> Conve
     a, b, c = points[np.asarray(faces).T]
     volume = float(np.einsum("fi,fi->", a, np.cross(b, c))) / 6.0  # tetrahedra of the faces and the origin
     try:
+        # Only a convex mesh has (nearly) the volume of its convex hull.
         if volume < CONVEX_VOLUME_SHARE * ConvexHull(points).volume:
             return None
         return ConvexPolytope.from_mesh(points)

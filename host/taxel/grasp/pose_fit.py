@@ -41,6 +41,7 @@ def solve_kabsch(
     weight = weights[:, np.newaxis] / weights.sum()
     centre, measured_centre = (weight * points).sum(axis=0), (weight * measured).sum(axis=0)
     u, _, vt = np.linalg.svd((weight * (measured - measured_centre)).T @ (points - centre))
+    # The sign gives the result the determinant +1 (rotation), or -1 (reflection).
     sign = np.sign(np.linalg.det(u @ vt)) * (-1 if is_mirrored else 1)
     transform = np.eye(4)
     transform[:3, :3] = u @ np.diag([1.0, 1.0, sign]) @ vt

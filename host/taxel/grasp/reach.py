@@ -91,8 +91,9 @@ class ArmReach:
     def solve(self, palm_pose: FloatArray, near: FloatArray | None = None, iterations: int = ITERATIONS) -> FloatArray:
         """Solve for the joint angles f64[a], radians, that place the arm's link at `palm_pose` f64[4, 4], to 1e-9 m.
 
-        near: f64[a], only start angles of the search, so that the solution is near them; None: the best solution from
-        many start angles. iterations: number of steps; a few suffice near the solution. Raises UnreachableError.
+        near: f64[a], start angles, radians; the search then starts only there and finds a solution nearby. None: the
+        best solution from many random start angles. iterations: number of steps; a few suffice near the solution.
+        Raises UnreachableError.
         """
         angles = self._make_start_angles() if near is None else np.clip(near, self._lower, self._upper)[None]
         solutions = self._search(angles, palm_pose, near is None, iterations)

@@ -20,6 +20,7 @@ def make_board_info(board: Board) -> dict[str, Any]:
     fields |= {"map_version": REGISTER_MAP_VERSION, "kind": kind.code, "address": board.address, "unique_id": bytes(8)}
     fields |= {"rows": kind.tx_count, "columns": kind.rx_count, "taxel_count": kind.taxel_count}
     fields |= {"snapshot_size": SNAPSHOT_OVERHEAD + 2 * kind.taxel_count, "crossing_map": kind.pack_crossings()}
+    # The CRC covers all bytes of the identity before the CRC itself, its last 4 bytes.
     fields["crc32"] = zlib.crc32(pack(Identity, fields)[:-4])
     info: dict[str, Any] = {field.name: 0 for field in list_fields(BoardInfo)}
     return info | {f"identity_{name}": value for name, value in fields.items()}

@@ -105,7 +105,10 @@ class BoardKind:
 
     @property
     def layout_shape(self) -> tuple[int, int]:
-        """Number of rows and columns of the unrolled sheet."""
+        """Number of rows and columns of the taxels on the board's flat sheet (a bent board is unrolled).
+
+        Without a layout, the TX lines are the rows, and the RX lines are the columns.
+        """
         if self.layout is None:
             return self.tx_count, self.rx_count
         return int(self.row.max()) + 1, int(self.column.max()) + 1

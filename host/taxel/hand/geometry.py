@@ -78,11 +78,12 @@ def build_surface(
     pitch_m: float,
     margin: NDArray[np.float64] | None = None,
 ) -> Surface:
-    """Build the surface of a kind from its table of taxels.
+    """Build the surface of a board kind (position, normal, distal direction and size of each taxel) from its table.
 
-    rows: f64[count, 6], x, y, z, nx, ny, nz, or f64[count, 11] with the distal direction and the sides of the square.
-    row, column: position of each taxel on the unrolled sheet, [count]; without a distal direction in `rows`, the
-    neighbours of a taxel in its column determine it, and each square has the side `pitch_m`.
+    rows: f64[count, 6], position x, y, z and normal nx, ny, nz of each taxel, or f64[count, 11], in addition the distal
+    direction (towards the fingertip) and the two sides of the taxel's square. row, column: position of each taxel on
+    the unrolled sheet, [count]. If `rows` has 6 columns, the neighbours of a taxel in its column of the sheet determine
+    the distal direction, and each square has the side `pitch_m`.
     """
     position, normal = rows[:, :3], _normalise(rows[:, 3:6], "normal")
     if rows.shape[1] == SQUARE_NUMBERS:
@@ -96,8 +97,8 @@ def _compute_distal(
 ) -> NDArray[np.float64]:
     """Compute the distal direction of each taxel: the tangent along which the row number decreases, f64[count, 3].
 
-    It follows from the neighbours of a taxel in its column; a taxel without neighbours gets the projection of the x
-    axis, or of the y axis if the normal is along x.
+    The direction follows from the neighbours of a taxel in its column. A taxel without neighbours gets the projection
+    of the x axis, or of the y axis if the normal is along x.
     """
     index_of = {place: index for index, place in enumerate(zip(row.tolist(), column.tolist(), strict=True))}
     direction = np.zeros_like(position)

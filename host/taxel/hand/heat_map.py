@@ -40,7 +40,8 @@ def save_heat_map(
     figure, axes = plt.subplots(
         rows, COLUMNS, figsize=(2.5 * COLUMNS, 2.75 * rows + 0.6), layout="constrained", squeeze=False
     )
-    limit = max(150.0, float(np.nanmax(values, initial=0.0)))  # the colours do not show noise as a contact
+    # The scale ends at the default activation threshold (150 counts) or above: noise then does not look like a contact.
+    limit = max(150.0, float(np.nanmax(values, initial=0.0)))
     image = None
     for board, axis in zip(hand.boards, axes.flat, strict=False):
         where = hand.get_slice(board.address)

@@ -48,7 +48,7 @@ class JointHistory:
     def __init__(self, names: Sequence[str], name: str, max_samples: int | None = None) -> None:
         """Create an empty history. names: joints in the order of the angles. name: source, for error messages.
 
-        max_samples: number of latest samples that are kept; None: all.
+        max_samples: least number of latest samples that are kept; None: all.
         """
         self.names = tuple(names)
         self.name = name
@@ -70,7 +70,8 @@ class JointHistory:
     def add(self, time_s: float, angles: FloatArray) -> None:
         """Add the angles f64[j], radians, at a time, seconds; samples that are not earlier are removed first.
 
-        A sample with a number that is not finite is ignored. The oldest samples are removed above `max_samples`.
+        A sample with a number that is not finite is ignored. If more than twice `max_samples` samples are stored, the
+        oldest `max_samples` of them are removed.
         """
         if not (math.isfinite(time_s) and np.isfinite(angles).all()):
             return
@@ -183,7 +184,7 @@ class JointFileWriter:
         self._write_at(history, time_s)
 
     def _write_at(self, history: JointHistory, time_s: float) -> None:
-        """Append the angles of the history at a time, seconds, which the history also selects."""
+        """Select a time, seconds, in the history, and append the angles at this time to the file."""
         self._last_s = time_s
         history.select_time(time_s)
         self.write(time_s, history())

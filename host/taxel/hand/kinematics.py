@@ -79,6 +79,7 @@ class Kinematics:
         poses[..., 0, :, :] = np.eye(4)
         joint_poses = np.broadcast_to(self._origins, (*angles.shape[:-1], *self._origins.shape)).copy()
         joint_poses[..., self._revolute, :, :] = self._origins[self._revolute] @ _compute_rotations(self._axes, angles)
+        # Link k + 1 is the child link of joint k; link 0 is the root.
         for children, parents in self._levels:
             poses[..., children, :, :] = poses[..., parents, :, :] @ joint_poses[..., children - 1, :, :]
         return poses

@@ -59,10 +59,11 @@ class Sheet:
 
 @lru_cache(maxsize=8)
 def build_sheet(hand: Hand, parts: int = 1) -> Sheet:
-    """Build the sheet of all boards, each square divided into parts x parts consecutive pieces.
+    """Build the sheet (the dielectric layer over taxels and margin) of all boards, as small rectangles.
 
-    Pieces over a taxel follow the curvature of the sheet; pieces of the margin lie in the plane of their square. Raises
-    HandGeometryError if the description contains no positions.
+    Each square of the sheet is divided into parts x parts consecutive pieces. Pieces over a taxel follow the
+    curvature of the sheet; pieces of the margin lie in the plane of their square. Raises HandGeometryError if the
+    description contains no positions.
     """
     squares = np.hstack([hand.position, hand.normal, hand.distal, hand.square_size])
     rows, board_indices = [squares], [hand.board_index]
@@ -83,14 +84,15 @@ def build_sheet(hand: Hand, parts: int = 1) -> Sheet:
 def _compute_curvatures(kind: BoardKind, surface: Surface) -> FloatArray:
     """Compute the curvature in the distal and the left direction at every taxel, 1/m, f64[count, 2].
 
-    Curvature: change of the normal between the neighbours on both sides, divided by their distance; 0 without
-    neighbours.
+    Curvature: change of the normal between the neighbours on both sides, divided by their distance. At an edge the
+    taxel itself takes the place of the missing neighbour; the curvature is 0 without neighbours.
     """
     index_of = {place: i for i, place in enumerate(zip(kind.row.tolist(), kind.column.tolist(), strict=True))}
     curvatures = np.zeros((len(surface.position), 2))
     for (row, column), index in index_of.items():
         distal = surface.distal[index]
         for axis, (along, step) in enumerate(((distal, (1, 0)), (np.cross(surface.normal[index], distal), (0, 1)))):
+            # Row 0 is distal and column 0 is left, so the neighbour with the smaller index lies ahead on `along`.
             ends = [index_of.get((row + sign * step[0], column + sign * step[1]), index) for sign in (-1, 1)]
             distance = (surface.position[ends[0]] - surface.position[ends[1]]) @ along
             if distance > 0.0:
@@ -105,6 +107,7 @@ def _divide_squares(table: FloatArray, curvatures: FloatArray, parts: int) -> Fl
     """
     if parts == 1:
         return table
+    # Offsets of the centres of the pieces from the centre of their square: in units of its sides, then in metres.
     fractions = (np.arange(parts) + 0.5) / parts - 0.5
     normal, distal = table[:, None, 3:6], table[:, None, 6:9]
     lateral = np.cross(normal, distal)
@@ -112,12 +115,14 @@ def _divide_squares(table: FloatArray, curvatures: FloatArray, parts: int) -> Fl
         grid.ravel()[None, :, None] * table[:, None, None, 9 + axis]
         for axis, grid in enumerate(np.meshgrid(fractions, fractions, indexing="ij"))
     )
+    # Second order: at an offset x the normal tilts by curvature * x, and the sheet lies curvature * x^2 / 2 lower.
     slope_along, slope_across = curvatures[:, :1, None] * along, curvatures[:, 1:, None] * across
     depth = 0.5 * (slope_along * along + slope_across * across)
     pieces = np.repeat(table[:, None], parts * parts, axis=1)
     pieces[..., :3] += along * distal + across * lateral - depth * normal
     pieces[..., 3:6] += slope_along * distal + slope_across * lateral
     pieces[..., 3:6] /= np.linalg.norm(pieces[..., 3:6], axis=2, keepdims=True)
+    # The distal direction is made perpendicular to the tilted normal.
     pieces[..., 6:9] -= pieces[..., 3:6] * np.sum(pieces[..., 3:6] * pieces[..., 6:9], axis=2, keepdims=True)
     pieces[..., 6:9] /= np.linalg.norm(pieces[..., 6:9], axis=2, keepdims=True)
     pieces[..., 9:] /= parts
@@ -125,11 +130,12 @@ def _divide_squares(table: FloatArray, curvatures: FloatArray, parts: int) -> Fl
 
 
 def build_margin(kind: BoardKind, surface: Surface, pitch_m: float) -> FloatArray:
-    """Build the margin of m squares: f64[m, 11], centre (metres), normal, distal direction, sides; bracket frame.
+    """Build the margin of a board: m squares of sheet beside its taxels, f64[m, 11], in the bracket frame.
 
-    A square is at each place (row and column) without a taxel beside a taxel, also just outside the layout. Each square
-    is extrapolated from its neighbours along the curvature of the sheet. A described margin (`Surface.margin`) is
-    returned unchanged.
+    Columns: centre (metres), normal, distal direction, two sides (metres). Each place (row, column) that has no taxel
+    but is adjacent to a taxel gets a square, also just outside the layout. A square is the mean of the extrapolations
+    from its adjacent taxels along the curvature of the sheet. A margin that the hand description contains
+    (`Surface.margin`) is returned unchanged.
     """
     if surface.margin is not None:
         return surface.margin
@@ -154,15 +160,15 @@ def build_margin(kind: BoardKind, surface: Surface, pitch_m: float) -> FloatArra
 def _extrapolate(surface: Surface, index: int, opposite: int | None, step: tuple[int, int], pitch: float) -> FloatArray:
     """Compute the square next to taxel `index`, one pitch away on the side given by `step`, as f64[9].
 
-    step: change of (TX, RX) towards the new square. opposite: neighbour of the taxel on the other side, which gives the
-    curvature; None: the sheet continues straight. pitch: side of a square, metres. Returns centre, normal and distal
-    direction.
+    step: change of (row, column) towards the new square. opposite: index of the neighbour on the other side of the
+    taxel, whose normal gives the curvature; None: the sheet continues straight. pitch: side of a square, metres.
+    Returns centre, normal and distal direction.
     """
     position, normal, distal = surface.position[index], surface.normal[index], surface.distal[index]
     lateral = np.cross(normal, distal)  # to the left, seen from outside with the distal direction upwards
     along = -step[0] * distal - step[1] * lateral  # row 0 is distal, column 0 is left
     angle = 0.0
-    if opposite is not None:  # the component of its normal is the sine of the angle between the normals
+    if opposite is not None:  # the opposite normal tilts backwards: -component along the step = sine of the angle
         angle = float(np.arcsin(np.clip(-surface.normal[opposite] @ along, -1.0, 1.0)))
     if abs(angle) < _FLAT_RAD:
         offset = pitch * along

@@ -20,8 +20,8 @@ _PARTS = ("medial_front", "medial_back", "proximal_front", "proximal_back")
 def get_short_name(name: str) -> str:
     """Return the short label of a board in the unrolled drawing of a hand, such as "tip".
 
-    The label omits the finger, because the finger labels the column of the drawing; only the thumb's fingertip keeps
-    it.
+    The label omits the name of the finger, because this name is the heading of the column in the drawing. The thumb has
+    no column of its own, so the label of its fingertip is "thumb tip".
     """
     if name == "fingertip_thumb":
         return "thumb tip"

@@ -196,6 +196,7 @@ def _compute_capsule(radius: float, half_length: float) -> tuple[float, NDArray[
 
     A capsule is a cylinder with a half sphere at each end, whose centre of mass is at 3/8 of the radius.
     """
+    # Moving each half sphere outwards adds m ((h + 3/8 r)^2 - (3/8 r)^2) = m h (h + 3/4 r), with half length h.
     cylinder = DENSITY_KG_M3 * 2.0 * math.pi * radius**2 * half_length
     caps, caps_inertia = _compute_sphere(radius)
     across = cylinder * (radius**2 / 4.0 + half_length**2 / 3.0) + caps * half_length * (half_length + 0.75 * radius)

@@ -145,10 +145,11 @@ def find_highest_rate(rise_s: float) -> float:
 def _solve_rise(hub: Wiring | None, branches: tuple[Branch, ...]) -> list[float]:
     """Compute the rise times in one electrical network, seconds: first at the hub, then at each branch.
 
+    A rise time is the time from 30 % to 70 % of the supply. It is infinite in a network without a pull-up resistor.
     hub: wiring whose hub belongs to the network; None for a branch behind a bus buffer, whose output has no pull-up
-    resistor and almost no capacitance. Infinity for a network without a pull-up resistor. The equations
-    C dV/dt = i - G V are solved with the eigenvectors of C^-1/2 G C^-1/2; the levels rise monotonically from 0, so each
-    crossing of a level is unique.
+    resistor and almost no capacitance. Method: the levels V, relative to the supply, obey C dV/dt = i - G V with the
+    capacitances C, the conductances G and the currents i of the pull-up resistors. The eigenvectors of C^-1/2 G C^-1/2
+    solve this equation. All levels rise monotonically from 0, so each crossing of a level is unique.
     """
     size = 1 + len(branches)
     pullups = np.array([hub.hub_pullup_ohm if hub else 0.0, *(branch.pullup_ohm for branch in branches)])
@@ -172,7 +173,7 @@ def _find_crossing(mode: FloatArray, rates: FloatArray, level: float) -> float:
     low, high = 0.0, 1.0 / float(rates[0])
     while 1.0 + mode @ np.exp(-rates * high) < level:
         high *= 2.0
-    for _ in range(80):
+    for _ in range(80):  # 80 halvings exceed the precision of a float
         middle = (low + high) / 2.0
         if 1.0 + mode @ np.exp(-rates * middle) < level:
             low = middle

@@ -69,7 +69,7 @@ def check_wiring(document: Mapping[str, Any], top: Field) -> None:
 def _check_numbers(table: Mapping[str, Any], field: Field) -> None:
     """Raise HandDescriptionError for an electrical value of a table that is outside its range in `_RANGES`."""
     for key, (low, high) in _RANGES.items():
-        value = table.get(key, high)
+        value = table.get(key, high)  # a missing value gets a default later; the largest one passes this check
         is_tiny_pullup = key.endswith("pullup_ohm") and 0 < value < _MIN_PULLUP_OHM
         if not (math.isfinite(value) and low <= value <= high) or is_tiny_pullup:
             expected = f"a number from {low:g} to {high:g}"

@@ -149,8 +149,9 @@ def _resolve_branch(hand: Hand, fault: str) -> str:
 def _format_lines(kind: BoardKind, settings: WorldSettings) -> str:
     """Format the words of a board line for its kind: TX lines, RX lines, taxels and crossing map.
 
-    For the original firmware, the taxels of a kind with more than 16 lines (one TX line and up to 25 RX lines in the
-    first generation) become consecutive crossings of 16 RX lines; their order, the order of the counts, is unchanged.
+    With the original firmware, a kind may have more than 16 lines: a board of the first generation has one TX line and
+    up to 25 RX lines. Its taxels are then described as consecutive crossings of 16 RX lines. The taxels keep their
+    order, so the order of the counts in a message is unchanged.
     """
     if settings.original and max(kind.tx_count, kind.rx_count) > LINES_MAX:
         crossings = (1 << kind.taxel_count) - 1
@@ -174,6 +175,7 @@ def format_surface(hand: Hand) -> list[str]:
     addresses = [hand.boards[index].address for index in sheet.board_index.tolist()]
     lines = ["# surface board x y z nx ny nz dx dy dz a b row column (d: distal direction, a, b: sides of the square)"]
     places = zip(hand.row.tolist(), hand.column.tolist(), strict=True)
+    # The sheet begins with the taxels, so that this loop ends before the margin.
     for address, pose, (row, column) in zip(addresses, poses, places, strict=False):
         lines.append(f"surface 0x{address:02X} {_format_numbers(pose)} {row} {column}")
     margin = slice(hand.n_taxels, None)

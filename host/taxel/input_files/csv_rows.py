@@ -22,6 +22,7 @@ def read_csv_rows(path: str | os.PathLike[str]) -> Iterator[tuple[int, list[str]
     of more than 128 KiB, InputFileError for a pipe or a device, and OSError.
     """
     with io.TextIOWrapper(open_regular_file(path), encoding="utf-8-sig", errors="replace", newline="") as file:
+        # A file without line ends is read in pieces of `LINE_MAX` characters, which bounds the memory.
         reader = csv.reader(iter(lambda: file.readline(LINE_MAX), ""))
         while True:
             try:

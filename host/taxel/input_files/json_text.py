@@ -51,8 +51,10 @@ def parse_json(
     """
     if len(data) > size_max:
         raise TextError("file", f"at most {size_max} bytes", f"more than {size_max} bytes")
+    # Each comma and opening bracket may add a value; this count limits the memory before the text is parsed.
     if sum(data.count(mark) for mark in (b",", b"[", b"{")) > values_max:
         raise TextError("file", f"at most {values_max} values", "more")
+    # Brackets inside strings do not nest. The strings are removed only if the count with strings exceeds the limit.
     if _compute_depth(data) > DEPTH_MAX and _compute_depth(_STRING.sub(b"", data)) > DEPTH_MAX:
         raise TextError("file", f"JSON of at most {DEPTH_MAX} levels", "more")
     try:

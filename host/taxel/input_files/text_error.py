@@ -13,7 +13,10 @@ class TextError(ValueError):
     """
 
     def __init__(self, position: str, expected: str, found: str) -> None:
-        """Create the error of a text. expected, found: what is valid and what the text contains."""
+        """Create the error of an invalid text.
+
+        position: "file" or the line, such as "line 3". expected: what would be valid. found: what the text contains.
+        """
         super().__init__(position, expected, found)
         self.position = position
         self.expected = expected

@@ -43,7 +43,8 @@ __all__ = [
 def __getattr__(name: str) -> Any:
     """Import the emulator's link at its first use, because `taxel.link` must also work without that module.
 
-    The blind check diagnoses its sealed worlds in a sandbox that does not contain the emulator.
+    The blind check (a test of the fault diagnosis on worlds with hidden causes) runs in a sandbox that does not contain
+    the emulator.
     """
     if name not in ("EmulatorLink", "run_emulator"):
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

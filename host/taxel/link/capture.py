@@ -74,7 +74,7 @@ class CaptureWriter:
         return self._file.read_at(offset + RECORD_HEAD, size)
 
     def truncate(self, size: int) -> None:
-        """Remove the records after the first `size` bytes of the file, a value that `size` had before.
+        """Remove all records behind the first `size` bytes; the argument is an earlier value of the property `size`.
 
         Raises `CaptureError`.
         """

@@ -188,7 +188,8 @@ class EmulatorLink:
 def _get_last_line(stderr: bytes, world_path: Path) -> str:
     """Return the last line of the emulator's standard error; "" if it is empty.
 
-    A message about the temporary world file then quotes a line of the file instead of the file's path.
+    In a message about the temporary world file, the path of the file is replaced by the word "file", and the line of
+    the file that the message names is quoted.
     """
     lines = stderr.decode(errors="replace").strip().splitlines()
     if lines and str(world_path) in lines[-1]:

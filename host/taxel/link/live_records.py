@@ -13,7 +13,8 @@ EXISTS = "exists already; choose another name, or overwrite the file (--overwrit
 def open_live_output(path: str | os.PathLike[str], overwrite: bool) -> LiveOutput:
     """Create a recording that is readable while it is written.
 
-    Raises CaptureError if it exists and `overwrite` is False, if another program writes it, or if the system refuses.
+    Raises CaptureError if the file exists and `overwrite` is False, if another program writes the file, or if the
+    system refuses.
     """
     if os.path.exists(path) and not overwrite:
         raise CaptureError(os.fspath(path), EXISTS)
@@ -85,7 +86,10 @@ class LiveRecords:
             self._fail(error)
 
     def _write_all(self, data: bytes) -> None:
-        """Write all bytes to the file. Raises OSError; a full disk accepts a part, and fails at the next attempt."""
+        """Write all bytes to the file. Raises OSError.
+
+        On a full disk, a write stores only a part of the bytes, and the next write raises OSError.
+        """
         written = self._file.write(data) or 0
         while written < len(data):
             written += self._file.write(data[written:]) or 0
@@ -104,7 +108,7 @@ class LiveRecords:
             self._fail(error)
 
     def truncate(self, size: int) -> None:
-        """Remove everything after the first `size` bytes of the file, a value that `size` had before.
+        """Remove everything behind the first `size` bytes; the argument is an earlier value of the property `size`.
 
         Raises `CaptureError`.
         """

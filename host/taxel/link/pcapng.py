@@ -58,15 +58,15 @@ def make_block(kind: int, content: bytes) -> bytes:
 def _make_start(header: dict[str, object], name: str) -> bytes:
     """Encode the section header block and the interface description block at the start of a file.
 
-    header: header of the recording, which becomes one or several comments in the section header block. The last comment
-    is shorter than the others, so that comments which Wireshark appends are not read as a part of the header. name:
-    name of the file for the `CaptureError` of a header that is too long.
+    header: header of the recording, which becomes one or several comments in the section header block. A comment
+    shorter than `COMMENT_MAX` ends the header, so that comments which Wireshark appends are not read as a part of the
+    header. name: name of the file for the `CaptureError` of a header that is too long.
     """
     text = json.dumps(header).encode()
     if len(text) > HEADER_MAX:
         raise CaptureError(name, f"cannot be written (its header has more than {HEADER_MAX} bytes)")
     if len(text) % COMMENT_MAX == 0:
-        text += b" "
+        text += b" "  # the last comment must be shorter than `COMMENT_MAX`
     parts = [text[start : start + COMMENT_MAX] for start in range(0, len(text), COMMENT_MAX)]
     options = b"".join(make_option(OPTION_COMMENT, part) for part in parts)
     options += make_option(OPTION_APPLICATION, APPLICATION) + make_option(0, b"")
@@ -109,14 +109,15 @@ class PcapngWriter:
     def write(self, data: bytes, time_ns: int) -> None:
         """Append bytes that arrived at `time_ns` (nanoseconds, not decreasing). Raises `CaptureError`.
 
-        An incomplete frame at their end waits for the next call.
+        An incomplete frame at the end of the bytes is kept until the next call completes it.
         """
         self._incomplete += data
         self._time_ns = time_ns
         self.records += 1
         end = 0
         blocks = []
-        last = self._incomplete.rfind(b"\0") + 1  # behind it, the pattern would search in vain, in quadratic time
+        # Behind the last delimiter no frame is complete: there the search would only fail, in quadratic time.
+        last = self._incomplete.rfind(b"\0") + 1
         for match in _FRAME.finditer(self._incomplete, 0, last):
             blocks += self._make_packets(match[0])
             end = match.end()

@@ -61,7 +61,11 @@ class PcapngLink:
     has_flow_control = False
 
     def __init__(self, path: str | os.PathLike[str]) -> None:
-        """Open a PCAPNG file, and read the header of the recording from its comments to `header`; {} without one."""
+        """Open a PCAPNG file, and set `header` to the recording's header in the comments of the file.
+
+        Without such comments, `header` is {}. `has_arrivals` is False if the header states that the arrival times are
+        not real.
+        """
         self.name = os.fspath(path)
         self.header: dict[str, Any] = {}
         self._order = "<"
@@ -94,9 +98,9 @@ class PcapngLink:
     def _read_header(self, options: list[tuple[int, bytes]]) -> dict[str, Any]:
         """Return the header of the recording from the options of the section header block; {} without a header.
 
-        options: (code, value). The first comments are the header if the application option is `taxel`, or if they begin
-        like a JSON object: Wireshark replaces the application when it saves a file, and other programs write comments,
-        too. Raises CaptureError for a damaged header.
+        options: (code, value). The first comments, up to one shorter than `COMMENT_MAX`, are the header if the
+        application option is `taxel` or if they begin like a JSON object. Wireshark replaces the application option
+        when it saves a file, and other programs write comments, too. Raises CaptureError for a damaged header.
         """
         text = b""
         for comment in (value for code, value in options if code == OPTION_COMMENT):
@@ -116,7 +120,10 @@ class PcapngLink:
         return CaptureError(self.name, f"{problem} at byte {offset}; everything before it was read")
 
     def _read_block(self) -> tuple[int, bytes]:
-        """Read the next block; return its type and content. Raises EOFError at the end, CaptureError for damage."""
+        """Read the next block; return its type and content. Raises EOFError at the end, CaptureError for damage.
+
+        A block consists of type, size, content and a copy of the size. The size counts all of these bytes, at least 12.
+        """
         offset = self._block_offset = self._file.tell()
         head = self._file.read(8)
         if not head:
@@ -147,7 +154,7 @@ class PcapngLink:
         raise self._make_damage_error(offset)
 
     def _begin_section(self, content: bytes) -> None:
-        """Check a section header block, and forget the interfaces of the section before. Raises CaptureError."""
+        """Check a section header block, and remove the interfaces of the previous section. Raises CaptureError."""
         if len(content) < _SECTION_HEAD:
             raise self._make_damage_error(self._block_offset)
         major = struct.unpack_from(f"{self._order}H", content, 4)[0]
@@ -156,7 +163,10 @@ class PcapngLink:
         self._interfaces = []
 
     def _iterate_options(self, data: bytes) -> Iterator[tuple[int, bytes]]:
-        """Yield (code, value) of each option in the option list of a block."""
+        """Yield (code, value) of each option in the option list of a block.
+
+        Values are padded to a multiple of 4 bytes; the code 0 ends the list.
+        """
         position = 0
         while position + 4 <= len(data):
             code, size = struct.unpack_from(f"{self._order}HH", data, position)

@@ -41,7 +41,10 @@ def check_recording_header(header: Any) -> dict[str, Any]:
 
 
 def _is_number(value: Any) -> bool:
-    """Whether a value of JSON is a number that fits into a float; True and False are no numbers."""
+    """Whether a value of JSON is a finite number with an absolute value below 1e300; True and False are no numbers.
+
+    The limit also excludes integers that do not fit into a float.
+    """
     if isinstance(value, bool) or not isinstance(value, int | float):
         return False
     return abs(value) < 1e300 and math.isfinite(value)

@@ -79,6 +79,7 @@ class ReopeningLink:
                 raise
             self._close_lost_port(error)
             return None
+        # The first bytes after the port was opened again end the gap.
         gaps = self.reconnection.gaps
         if chunk is not None and gaps and gaps[-1].end_s is None:
             gaps[-1].end_s = time.time()

@@ -86,5 +86,6 @@ def write_scene(
     if times.size and (np.any(np.diff(times) < 0.0) or times[0] < 0.0):
         raise ValueError("scene: times go back or are negative")
     header = HEADER.pack(b"TAXELSTM", 1, _SCENE, taxels, poses.shape[1] - 1)
+    # The last row of a pose is always 0 0 0 1, so only the first three rows are written.
     rows = poses[:, :, :3, :].reshape(len(times), POSE_VALUES * poses.shape[1])
     write_whole(path, header + make_stimulus_records(times, np.column_stack([number, rows])))

@@ -50,7 +50,8 @@ def open_serial(url: str, hand: Any = None) -> SerialLink:
     """
     parts = split_url(url)
     options = _parse_options(url, parts.query, {"baud", "rtscts", "low_latency"})
-    port = parts.netloc + parts.path  # serial://dev/ttyUSB0 has the host "dev": the error names the port as read
+    # With two slashes, as in serial://dev/ttyUSB0, "dev" is parsed as a host; the error then names dev/ttyUSB0.
+    port = parts.netloc + parts.path
     if not port:
         raise LinkError(url, "names no port; expected serial:///dev/ttyUSB0")
     return SerialLink(

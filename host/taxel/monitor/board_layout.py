@@ -73,6 +73,7 @@ def layout_unrolled(hand: Hand, scale: int = 1) -> BoardLayout | None:
     characters; a taxel is half as high. Returns None for a hand with other boards.
     """
     by_name = {board.name: board for board in hand.boards}
+    # The back has no fingertips, so that its rows begin one row lower.
     rows = [(*palm, *back) for palm, back in zip(PALM_SIDE, (("", "", ""), *BACK), strict=True)]
     if not by_name.keys() <= {name for row in rows for name in row}:
         return None
@@ -81,7 +82,7 @@ def layout_unrolled(hand: Hand, scale: int = 1) -> BoardLayout | None:
     fingers = (*FINGERS, *FINGERS[::-1])
     column_starts: list[int] = []
     start = 0
-    for number, width in enumerate(widths):
+    for number, width in enumerate(widths):  # a wider gap is before the first column of the back
         start += SIDE_GAP - GAP if number == len(FINGERS) else 0
         column_starts.append(start)
         start += width + GAP
@@ -101,6 +102,7 @@ def layout_unrolled(hand: Hand, scale: int = 1) -> BoardLayout | None:
             placed.append(
                 PlacedBoard(board, label, x, y, column_starts[column] + _compute_centre_offset(label, widths[column]))
             )
+            # The label is in the row above the picture (y - 1), and the heading in the row above the label.
             finger = fingers[column]
             if column not in headed_columns and board.name.endswith(finger):
                 headed_columns.add(column)
@@ -174,7 +176,7 @@ def _group_by_height(boards: Sequence[Board]) -> list[list[Board]]:
 
 
 def _shorten_name(name: str) -> str:
-    """Return the label of a board on the screen, at most `LONGEST_LABEL` characters."""
+    """Return the label of a board: with an abbreviated prefix, or cut to `LONGEST_LABEL` characters for other names."""
     for prefix, short in _SHORT_PREFIXES:
         if name.startswith(prefix):
             return name.replace(prefix, short)

@@ -80,7 +80,7 @@ class Canvas:
         self._styles[row : row + height, column : column + width][has_taxel] = numbers[has_taxel]
 
     def __rich_console__(self, console: Console, options: ConsoleOptions) -> Iterator[Segment]:
-        """Give the package rich the canvas as segments of equal style, row by row."""
+        """Yield the canvas row by row, as segments of one style each, to the package rich, which prints them."""
         for number, (glyphs, styles) in enumerate(zip(self._glyphs, self._styles, strict=True)):
             borders = [0, *(np.flatnonzero(np.diff(styles)) + 1).tolist(), self.width]
             text = "".join(glyphs.tolist())

@@ -29,6 +29,7 @@ SMALLEST_TOP = 2.0
 def _build_table() -> ByteArray:
     """Build the colour table u8[STEPS + 1, 3], sRGB: inactive steps, active steps, grey for an unknown signal."""
     anchors = np.array([[int(code[i : i + 2], 16) for i in (0, 2, 4)] for code in VIRIDIS], dtype=float)
+    # Positions on the map from 0 (dark) to 1 (bright); the gap between the two ranges makes active taxels distinct.
     position = np.concatenate(
         [np.linspace(0.0, _INACTIVE_END, INACTIVE_STEPS), np.linspace(_ACTIVE_START, 1.0, STEPS - INACTIVE_STEPS)]
     )
@@ -61,7 +62,7 @@ class ColourScale:
     """
 
     def __init__(self, threshold: float, hold_s: float = 10.0) -> None:
-        """Create a colour scale whose end is the smallest one.
+        """Create a colour scale with its smallest end.
 
         threshold: activation threshold in counts; the smallest end of the scale is `SMALLEST_TOP` times the threshold.
         hold_s: seconds for which the end of the scale stays after the last large signal.

@@ -46,7 +46,11 @@ class MovingContacts:
     """
 
     def __init__(self, hand: Hand) -> None:
-        """Plan the sequence of boards over which each contact moves."""
+        """Plan the boards over which each contact moves.
+
+        On a packaged hand, each contact moves over one column of boards of the palm side, from the fingertip downwards.
+        On another hand, one contact moves over all boards.
+        """
         self._hand = hand
         names = {board.name for board in hand.boards}
         _, grid, _ = SIDES[0]
@@ -68,7 +72,9 @@ class MovingContacts:
             board = self._hand.find_board(tour[int(step) % len(tour)])
             progress = step % 1.0
             row = progress * float(board.kind.row.max())
-            distance = np.abs(board.kind.row - row)  # a layout may have rows without taxels
+            # The contact follows the median column of the taxels nearest to its row. A layout may have rows without
+            # taxels, so the nearest taxels can be more than half a row away.
+            distance = np.abs(board.kind.row - row)
             column = float(np.median(board.kind.column[distance <= distance.min() + 0.5]))
             force_n = FORCE_N * float(np.sin(np.pi * progress)) ** 0.5
             contact = Indentation(board.name, row, column, force_n, 0.0, diameter_m=DIAMETER_M)

@@ -20,12 +20,14 @@ class RecentRate:
         """Add the values of k counters, and return their recent rates f64[k], counts per second.
 
         times_s: f64[k], time of each value, NaN before the first count. counts: [k], values of the counters. A counter
-        without an elapsed time has the rate 0. A time before the last one discards all earlier values.
+        without an elapsed time has the rate 0. If a time is smaller than in the previous call, the clock has restarted,
+        and all earlier values are discarded.
         """
         times, values = np.array(times_s, dtype=np.float64), np.array(counts, dtype=np.float64)
         if self._samples and np.any(times < self._samples[-1][0]):
             self._samples.clear()  # the clock has restarted
         self._samples.append((times, values))
+        # The oldest values are removed as long as the remaining values cover the whole window.
         newest = np.max(np.nan_to_num(times, nan=-np.inf))
         while len(self._samples) > 2 and np.nanmax(self._samples[1][0], initial=-np.inf) <= newest - self._window_s:
             self._samples.popleft()

@@ -53,8 +53,8 @@ class Screen:
     def draw(self, reading: SkinReading, width: int, height: int, has_colour: bool = True) -> Canvas:
         """Draw a reading of the hand on a new text canvas of `width` x `height` characters.
 
-        If map and table do not fit together, `shows_table` selects the table; without space for a map, it is always
-        the table.
+        If map and table do not fit together, `shows_table` selects the table instead of the map. The table is also
+        drawn if there is no space for a map.
         """
         canvas = Canvas(width, height, has_colour)
         top = self._scale.update(reading.largest_signal, reading.watched_s)
@@ -85,6 +85,7 @@ class Screen:
             canvas.write(1, 0, _truncate(f" {banner} ".ljust(canvas.width), canvas.width), BANNER)
         end = _write_parts(canvas, 2, [*format_errors(reading), *format_load(reading)])
         top_text = f" {top:g} counts"
+        # 7: the characters "0 " and the threshold between two spaces, such as " 150 ".
         legend_column = canvas.width - len(top_text) - LEGEND_WIDTH - 7
         if has_colour and legend_column > end + 1:
             self._draw_legend(canvas, legend_column, top_text)

@@ -27,7 +27,8 @@ def emulator_message(stderr: str, path: str, world: str) -> str:
     """Return the last line that the emulator printed on standard error, readable without its temporary world file.
 
     stderr: all printed text. path: path of the temporary world file; the word "file" replaces it. world: text of the
-    world file; the line that the message names is quoted from it.
+    world file; the line that the message names is quoted from it. If nothing was printed, the cause is assumed to be a
+    lack of memory.
     """
     lines = stderr.strip().splitlines()
     if not lines:

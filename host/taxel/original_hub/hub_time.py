@@ -53,7 +53,8 @@ class HubTime:
         self._mean_byte_ms = byte_ms
         self._now_ms = 0.0  # unwrapped
         self._position: int | None = None
-        self._suspect: tuple[int, int, bool] | None = None  # its timestamp, its position, bytes were discarded before
+        # Suspect message: its timestamp, its position in the stream, and whether bytes were discarded before it.
+        self._suspect: tuple[int, int, bool] | None = None
         self._cycle_times: deque[float] = deque(maxlen=CYCLES_KEPT)
         self._cycle_start: tuple[int, float] | None = None
 
@@ -92,13 +93,14 @@ class HubTime:
         return Tick(round(self._now_ms * _US_PER_MS), lost_ms=max(deviation_ms, 0.0) if was_discarded else 0.0)
 
     def begin_cycle(self, cycle: int, size: int) -> None:
-        """Learn the duration of a poll cycle; call this after `take` for the first received message of each cycle.
+        """Update the duration of a poll cycle; call this after `take` for the first received message of each cycle.
 
         cycle: number of the cycle. size: bytes of a complete cycle.
         """
         if self._cycle_start is not None and cycle == self._cycle_start[0] + 1:
             self._cycle_times.append(self._now_ms - self._cycle_start[1])
-            # A damaged timestamp must not give a cycle that is shorter than its bytes on a fast wire.
+            # A cycle takes at least about the time of its bytes on the wire. A damaged timestamp could give a smaller
+            # value.
             self.cycle_ms = max(median(self._cycle_times), 0.9 * size * self._byte_ms)
             self._mean_byte_ms = self.cycle_ms / size
         self._cycle_start = (cycle, self._now_ms)

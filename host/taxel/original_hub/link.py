@@ -114,7 +114,7 @@ class OriginalLink:
 
     @property
     def _is_held(self) -> bool:
-        """Whether messages are held back until START.
+        """Whether messages are held back until the host sends the command START.
 
         This applies to a source whose virtual time waits for its reader: no message may be lost before START.
         """
@@ -138,6 +138,7 @@ class OriginalLink:
                 self._take_messages(self.decoder.finish())
                 self._reads.use_public_order()
                 self._flush()
+                # Filler bytes belong to no frame; the reader of the link counts them as discarded bytes.
                 self._output += _FILLER * (self.decoder.position - self._message_end)
             return
         if chunk is None:
@@ -204,7 +205,8 @@ class OriginalLink:
         """Emit the TAXELS frame of a message, and count the losses before it.
 
         discarded: number of bytes between the previous message and this one that belong to no message. location: poll
-        cycle of the message, and number of lost messages before it. Without START the frame is only counted.
+        cycle of the message, and number of lost messages before it. Before the command START, a message that is not
+        from a recording is only counted.
         """
         tick = self._compute_tick(message, discarded)
         if tick.is_restart:
@@ -241,7 +243,7 @@ class OriginalLink:
         return self._clock.take(message.timestamp_ms, message.position, discarded > 0)
 
     def _announce_restart(self, tick: Tick) -> None:
-        """Report a restart of the hub to the host as a hub of the project does: with a handshake in a new sequence.
+        """Report a restart of the hub to the host with a HUB_HANDSHAKE frame, and restart the sequence numbers at 0.
 
         The agreed protocol version remains valid, because the link itself has not restarted.
         """

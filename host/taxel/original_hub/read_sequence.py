@@ -94,7 +94,7 @@ class ReadSequence:
 
     @property
     def active(self) -> list[int]:
-        """Addresses that occur regularly in the window, ascending."""
+        """Addresses that occur at least twice, and often enough (`ACTIVE_SHARE`), in the window; ascending."""
         counts = Counter(pair.address for pair in self._window)
         enough = max(2.0, ACTIVE_SHARE * max(counts.values(), default=0))
         return sorted(address for address, count in counts.items() if count >= enough)
@@ -141,7 +141,7 @@ class ReadSequence:
             self.use_public_order()
 
     def use_public_order(self) -> None:
-        """If no order is known, use that of the hub's public firmware for all received boards."""
+        """If no order is known, use the order of the hub's public firmware for all received boards."""
         addresses = {pair.address for pair in self._window}
         if not self.order and addresses:
             self._set_order(sorted(addresses, key=_get_public_rank))
@@ -169,7 +169,8 @@ class ReadSequence:
     def _find_start(self, ring: list[int]) -> int:
         """Return the index in the ring of the first board of a cycle.
 
-        It is the board after the pause of the hub if the times show a pause, otherwise that of the public firmware.
+        The hub pauses between two cycles. If the times show a pause, the first board is the board after the pause;
+        otherwise, it is the board that the public firmware reads first.
         """
         gaps: dict[int, list[float]] = defaultdict(list)
         for pair in self._window:
@@ -185,10 +186,12 @@ class ReadSequence:
         """Locate the next message in the read sequence; call this once per message, in the order of the stream.
 
         following: later messages that have already arrived. is_final: no more messages will arrive. Returns None if the
-        location depends on messages that have not arrived; then call again later. A message of a board that is not in
-        the order belongs to the present cycle. A message is doubtful if its position does not fit a stream with all
-        boards, or if the hub skipped its board before; then the later messages decide whether its address is damaged,
-        or whether the hub has read the board again.
+        location depends on messages that have not arrived; then call again later.
+
+        A message of a board that is not in the order belongs to the present cycle. A message is doubtful if its
+        position does not fit a stream with all boards, or if the hub has skipped its board in this cycle. For a
+        doubtful message, the later messages decide whether its address is damaged, or whether the hub has read the
+        skipped board again.
         """
         last, is_first = self._last, self._last is None or self._last.address not in self._ranks
         discarded = 0 if last is None else message.start - self._last_end
@@ -253,7 +256,10 @@ class ReadSequence:
         return step >= 0 and step % self.size <= 2 * TOLERANCE
 
     def _count_cycles(self, last: Placed, message: Placed) -> int:
-        """Count the cycles that begin after the message `last`, up to the cycle of `message`."""
+        """Count the cycles that begin after the message `last`, up to the cycle of `message`.
+
+        At least one begins if `message` is not behind `last` in the order, or if its board was already received.
+        """
         cycles = max(0, round(self._compute_step(last, message) / self.size))
         is_forward = self._ranks[message.address] > self._ranks[last.address]
         is_new = message.address not in self._seen
@@ -262,8 +268,9 @@ class ReadSequence:
     def _is_retry(self, last: Placed, message: Placed, following: Sequence[Placed], is_final: bool) -> bool | None:
         """Return whether the hub read a board again at the end of a cycle because the board had not responded before.
 
-        Otherwise the message belongs to the next cycle. The next message of a board that was already received decides:
-        in the next cycle it is behind this message in the order. Returns None if no such message has arrived.
+        Otherwise `message` belongs to the next cycle. The next message of a board that was already received decides:
+        if this board is behind the board of `message` in the order, and its position is in the same cycle as `message`,
+        then `message` belongs to the next cycle. Returns None if no such message has arrived.
         """
         is_backward = self._ranks[message.address] < self._ranks[last.address]
         if not is_backward or message.address not in self._skipped or message.address in self._seen:
@@ -290,8 +297,8 @@ class ReadSequence:
     def _count_lost(self, absent: list[int], discarded: int) -> int:
         """Estimate how many of the absent boards' messages the hub sent, from the number of discarded bytes.
 
-        It is the number of messages whose total length is closest to `discarded`; a board that the hub did not send
-        leaves no bytes.
+        The estimate is the number of messages whose total length is closest to `discarded`. A board that the hub did
+        not send leaves no bytes.
         """
         if not discarded or not absent:
             return 0

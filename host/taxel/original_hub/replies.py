@@ -96,14 +96,15 @@ class HubReplies:
         """Reply to a waiting handshake, if there is one and the stream shows that an original hub is connected.
 
         has_messages: a message has arrived. is_known: the boards and their order are known. After `PATIENCE`
-        repetitions of the handshake the reply no longer waits for them, because a test firmware takes 4.5 s per cycle.
+        repetitions of the handshake, the reply is sent although boards and order are not known, because a test firmware
+        takes 4.5 s per cycle.
         """
         if self._waiting_tag is not None and has_messages and (is_known or self._attempts > PATIENCE):
             self.send_handshake(self._waiting_tag, PROTOCOL_VERSION)
             self._waiting_tag = None
 
     def send_handshake(self, tag: int, version: int) -> None:
-        """Send a HUB_HANDSHAKE. tag: that of the host's handshake; 0: a restart of the hub. version: agreed version."""
+        """Send a HUB_HANDSHAKE. tag: tag of the host's handshake; 0: a restart. version: agreed version."""
         fields = _zero_fields(HubHandshake) | {"tag": tag, "unique_id": bytes(8), "version_chosen": version}
         fields |= {"version_min": PROTOCOL_VERSION_MIN, "version_max": PROTOCOL_VERSION}
         self._send(FrameType.HUB_HANDSHAKE, pack(HubHandshake, fields | {"uptime_us": self._statistics.time_us}))

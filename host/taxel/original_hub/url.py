@@ -58,14 +58,15 @@ def split_original_url(url: str) -> OriginalSource:
     variant = options.get("variant")
     if is_emulator:
         kept.append(PROTOCOL)
-        if variant is not None and variant not in FORMATS:  # it states how the hub treats boards that do not respond
+        # Another variant selects how the emulated hub treats boards that do not respond; it is passed to the emulator.
+        if variant is not None and variant not in FORMATS:
             kept.append(f"variant={variant}")
             variant = None
     if head.startswith("/dev/"):
         head = f"serial://{head}"
     if head.startswith("serial:") and "baud" not in options:
         kept.append(f"baud={BAUD:.0f}")
-    if head.startswith("file:"):
+    if head.startswith("file:"):  # a recording has no options
         kept = []
     return OriginalSource(head + (f"?{'&'.join(kept)}" if kept else ""), options.get("hand"), variant, options)
 

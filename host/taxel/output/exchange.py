@@ -18,7 +18,7 @@ def exchange(part: Path, target: Path) -> bool:
     """Give the folder `part` the name `target`; return whether a folder was replaced, which then has the name `part`.
 
     On a file system that cannot swap two names, the existing folder first gets the name of `part` with ".old" appended;
-    a program that is killed between the two renames leaves it there. Raises OSError.
+    if the program is killed between the renames, the folder keeps this name. Raises OSError.
     """
     if not target.exists():
         os.rename(part, target)

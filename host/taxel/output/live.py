@@ -115,8 +115,8 @@ class LiveOutput:
     def _preserve(self) -> None:
         """Give the existing file the name `.NAME.previous`.
 
-        If this name exists already, an earlier recording was interrupted: the file that it replaced stays preserved,
-        and its incomplete recording is not.
+        If a file `.NAME.previous` exists already, an earlier recording was interrupted before `close`. Then the file
+        that the earlier recording should have replaced stays preserved, and the incomplete recording is not preserved.
         """
         if not self.previous_path.exists():
             try:

@@ -44,7 +44,7 @@ def find_holder(descriptor: int) -> int | None:
     """Return the id of a process that holds a lock on an open file; None if the system does not show one."""
     status = os.fstat(descriptor)
     device = f"{os.major(status.st_dev):02x}:{os.minor(status.st_dev):02x}"
-    holders: dict[bool, int] = {}
+    holders: dict[bool, int] = {}  # key: whether the device agrees; the inode agrees in both cases
     try:
         lines = _LOCK_TABLE.read_text().splitlines()
     except OSError:

@@ -34,7 +34,10 @@ _NO_LINKS: Final = frozenset({errno.EPERM, errno.EOPNOTSUPP, errno.ENOSYS, errno
 
 
 def get_part_path(target: Path) -> Path:
-    """Return the temporary path of an output; a file that remains there after SIGKILL can be deleted."""
+    """Return the temporary path of an output, shortened to the longest permitted name.
+
+    A file that remains under this name after SIGKILL can be deleted.
+    """
     start, end = ".", ".part"
     name = os.fsencode(target.name)[: _LONGEST_NAME - len(start) - len(end)]
     return target.with_name(f"{start}{os.fsdecode(name)}{end}")
@@ -108,8 +111,8 @@ class PendingOutput:
     def _open_part(self) -> None:
         """Create, lock and empty the temporary file or folder.
 
-        Between opening and locking, another program may have renamed or removed it. The lock would then protect another
-        file; therefore opening and locking are repeated.
+        Between opening and locking, another program may have renamed or removed the temporary file. The lock would then
+        protect another file; therefore opening and locking are repeated.
         """
         while True:
             self.descriptor = self._create_part()
@@ -127,7 +130,7 @@ class PendingOutput:
         else:
             os.ftruncate(self.descriptor, 0)
         # A library of the same process may read the file before it is complete, for which HDF5 needs a shared lock.
-        # A second writer requests an exclusive one, and is refused.
+        # A second writer requests an exclusive lock, and is refused.
         if not try_lock(self.descriptor, is_shared=True):
             fail_locked(self.path, self.descriptor)
 
@@ -215,7 +218,7 @@ class PendingOutput:
         return False
 
     def _rename_file(self, content: Path) -> None:
-        """Give the new file its final name. Raises OutputError if it exists and must not be replaced, OSError."""
+        """Give the new file its final name. Raises OutputError if the target must not be replaced, OSError."""
         if not self._overwrite:
             try:
                 os.link(content, self.target)  # unlike a rename, fails if the name exists

@@ -147,7 +147,9 @@ class BodyModel:
             return result
         geom = int(self.geom_ids[index])
         centre, radius = np.append(self.model.geom_pos[geom], 1.0), float(self.radius[index])
-        offset, length = centre, 0.0  # from the next axis outwards: vector in the present link frame, length beyond it
+        # The path leads from the body to the root. offset: vector in the present link frame to the centre of the body,
+        # or to the origin of the revolute joint passed last. length: length of the path from there to the centre.
+        offset, length = centre, 0.0
         for joint in reversed(self._paths[body.link]):
             if joint.axis is None:
                 offset = joint.origin @ offset
@@ -182,6 +184,7 @@ class BodyModel:
         item, pose = around.grasp_object, around.object_pose
         if item is None or pose is None:
             return
+        # The origin of an object frame is the centre of the bottom face; a geom of MuJoCo has its origin in its middle.
         middle = pose.copy()
         middle[:3, 3] += item.shape.height / 2 * pose[:3, 2]
         label = f"object {item.name}"
@@ -238,7 +241,8 @@ class BodyModel:
 def compute_board_vertices(hand: Hand, board: Board) -> FloatArray:
     """Compute the vertices f64[v, 3] of the hull of a board with bracket and soft layer, bracket frame, metres.
 
-    The hull contains the square of each taxel at the surface of the layer, and `BACKING_M` below the electrodes.
+    The hull contains a square of one pitch over each taxel and each square of the margin: at the surface of the layer,
+    and `BACKING_M` below the electrodes.
     """
     sheet = build_sheet(hand)
     on_board = sheet.board_index == hand.boards.index(board)

@@ -88,7 +88,7 @@ class MotionPlanner:
     def __init__(
         self, robot: Robot, hand: Hand, table_z_m: float = 0.0, settings: PlannerSettings | None = None
     ) -> None:
-        """Create a planner. settings: None: the defaults."""
+        """Create a planner. table_z_m: height of the table in the frame of the robot's root, metres."""
         self.robot, self.hand, self.table_z_m = robot, hand, table_z_m
         self.settings = settings or PlannerSettings()
         self._reach = ArmReach(robot, WRIST_LINK)
@@ -298,7 +298,10 @@ class MotionPlanner:
         return collision.distance_m, describe_collision(clearances, collision)
 
     def _make_approach_requirement(self, clearances: Clearances) -> tuple[FloatArray, FloatArray]:
-        """Make the required distances of each pair in the linear approach: at samples and between them, f64[p] each."""
+        """Make the required distances of each pair in the linear approach: at samples and between them, f64[p] each.
+
+        Metres. A negative distance permits an overlap: the hand may compress its soft layer at the object.
+        """
         bodies = clearances.bodies
         required = np.minimum(bodies.clearance, APPROACH_CLEARANCE_M)
         depth_m = (self.hand.layer_m or 0.0) + CONTACT_DEPTH_M

@@ -79,7 +79,7 @@ def find_path(
     for goal in goals:
         if space.is_free(start, goal):
             return np.stack([start, goal])
-    trees, is_swapped = (_Tree([start]), _Tree(goals)), False
+    trees, is_swapped = (_Tree([start]), _Tree(goals)), False  # is_swapped: the tree from the goals grows first
     for _ in range(iterations):
         target = space.lower + rng.uniform(size=len(start)) * (space.upper - space.lower)
         growing, other = trees[is_swapped], trees[not is_swapped]
@@ -114,6 +114,7 @@ def shorten_path(path: FloatArray, space: SearchSpace, rng: np.random.Generator)
     """Shorten a path f64[k, n] by straight shortcuts; the ends are unchanged, and the cost never increases."""
     path = _skip_waypoints(path, space)
     for _ in range(SHORTCUTS if len(path) > 2 else 0):
+        # Two random places on the path: index of a waypoint plus share of the segment behind it.
         places = np.sort(rng.uniform(0, len(path) - 1, size=2))
         first, last = int(places[0]), int(places[1])
         if first == last:

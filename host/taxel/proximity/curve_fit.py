@@ -69,8 +69,9 @@ def _fit_support_points(
 ) -> ResponseCurve:
     """Fit the values of the curve at the distances `knots` (f64[k], metres) by least squares over all taxels.
 
-    gaps: f64[n, 9] of each signal. On a curved board the taxels have different gaps at the same distance: a signal
-    constrains the values at all support points between which its gaps lie. `to_axis` returns a logarithmic distance.
+    gaps: for each signal the distances of the target from 9 skin points of each of n taxels, f64[n, 9]. On a curved
+    board the taxels have different gaps at the same distance: a signal constrains the values at all support points
+    between which its gaps lie. `to_axis` returns a logarithmic distance.
     """
     decay = 3.0
     for _ in range(3):  # the decay beyond the last support point follows from the last two of them
@@ -153,4 +154,5 @@ def _compute_spread(predicted: Sequence[FloatArray], signals: Sequence[HeldSigna
             for numerator, squares in products.values()
         ]
     )
+    # For a normal distribution, the standard deviation is 1.4826 times the median absolute deviation.
     return float(1.4826 * np.median(np.abs(gains - np.median(gains))))

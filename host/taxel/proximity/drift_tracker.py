@@ -72,8 +72,8 @@ class DriftTracker:
         """Correct the baseline and the rate of drift with a frame f64[n] without a target.
 
         The mean error over the taxels is corrected by the Kalman gain, but not faster than with the time constant
-        `LEVEL_TIME_S`; the deviation of each taxel from the mean with this time constant. dt_s: time since the frame
-        before.
+        `LEVEL_TIME_S`. The deviation of each taxel from the mean error is corrected with this time constant. dt_s: time
+        since the previous frame, seconds.
         """
         assert self.baseline is not None
         error = raw_counts - self.baseline

@@ -113,7 +113,7 @@ def compute_quantiles(mass: FloatArray, edges: FloatArray) -> Range:
 
 
 def _compute_hidden_shift() -> FloatArray:
-    """Compute the distribution of the distance of a target's nearest part for each distance of its template, f64[G, G].
+    """Compute for each distance of a template the distribution of the distance of the target's nearest part, f64[G, G].
 
     A template describes a target by one distance. A part that it does not describe can be nearer, by an excess with the
     mixture of exponential distributions `HIDDEN_PARTS_M` (probability and mean of each). Rows: bin of the template's

@@ -152,7 +152,9 @@ class _Directions:
         """Compute the Cholesky factors of 1 + U^T W U for all templates and distances.
 
         U: changes of the signals by one standard deviation of offset, gain, and position within the bin (3 columns). W:
-        weights of the taxels.
+        weights of the taxels. offset, gain: standard deviations of the offset, counts, and of the relative gain. sums:
+        sums over the taxels of weight times 1, y and y^2. s1, sy, ss: sums of weight times s, s y and s^2. y: measured
+        signal. s: change of the predicted signal within the bin.
         """
         one, total, square = sums
         self._offset, self._gain = offset, gain

@@ -49,7 +49,11 @@ class MotionFilter:
         self.present = motion[:, None, :] * self._prior[None, :, None]
 
     def predict(self, transition: Transition) -> None:
-        """Advance the probabilities by the time interval of `transition`, without a measurement."""
+        """Advance the probabilities by the time interval of `transition`, without a measurement.
+
+        A present target changes its distance and speed. It can touch the skin (`contact`), or leave the range or
+        disappear sideways (`far`). A new target can arrive, and a contact can end.
+        """
         motion = self.present.sum(axis=1)
         touched = float((motion * transition.contact).sum())
         departed = float((motion * transition.far).sum())
@@ -77,7 +81,8 @@ class MotionFilter:
         """Multiply the probabilities by the likelihoods of a frame and normalise them.
 
         log_likelihood: f64[all templates, G]. log_absent, log_contact: log-likelihoods of no target and of a contact.
-        Templates become left out or return. If all states are impossible, the filter restarts without a target.
+        Improbable templates are left out afterwards; all templates are used again if a left-out template fits clearly
+        better. If all states are impossible, the filter restarts without a target.
         """
         kept = log_likelihood[self.template]
         if len(self.template) < len(self._prior) and self._exclude_better(log_likelihood):
@@ -99,7 +104,8 @@ class MotionFilter:
     def _exclude_better(self, log_likelihood: FloatArray) -> bool:
         """Whether a left-out template fits a frame better than all kept templates by more than `RETURN_MARGIN`.
 
-        log_likelihood: f64[all templates, G], weighted with the present probabilities of the distances.
+        log_likelihood: f64[all templates, G]. The likelihoods are weighted with the present probabilities of the
+        distances.
         """
         motion = np.log(self.present.sum(axis=(0, 1)) + 1e-30)
         best = (log_likelihood + motion).max(axis=1)

@@ -92,11 +92,10 @@ def compute_speed_widths() -> FloatArray:
 
 
 def _compute_speed_change(dt_s: float) -> FloatArray:
-    """Compute the probabilities of each speed after an interval (columns) for each speed before it (rows), f64[V,
-    V].
-    """
+    """Compute the transition probabilities of the speed in an interval, f64[V, V]: rows before, columns after it."""
     widths = compute_speed_widths()
-    # The variance of a bin's width is added: on a coarse grid, the probability would otherwise never leave a bin.
+    # A quarter of the bin's width is added in quadrature: on a coarse grid, the probability would otherwise never
+    # leave a bin.
     spread = np.sqrt((ACCELERATION_M_S2 * dt_s) ** 2 + (0.25 * widths) ** 2)
     difference = (SPEEDS_M_S[None, :] - SPEEDS_M_S[:, None]) / spread[:, None]
     drift = np.exp(-0.5 * difference**2) * widths
@@ -108,8 +107,8 @@ def _compute_speed_change(dt_s: float) -> FloatArray:
 def _compute_arrival(travel: FloatArray) -> FloatArray:
     """Compute the distribution of speed and distance of a target that arrived within the interval, f64[V, G].
 
-    It arrives from beyond the grid, or from the side. travel: f64[V], distance at each speed within the interval,
-    metres.
+    The target arrives from beyond the grid, or from the side. travel: f64[V], distance at each speed within the
+    interval, metres.
     """
     widths = compute_speed_widths()
     entered = np.clip(

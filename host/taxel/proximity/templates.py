@@ -89,6 +89,8 @@ def make_window(points: SkinPoints, centre: int) -> Window:
     origin, axis = points.centre[centre], points.normal[centre]
     is_near = np.linalg.norm(points.centre - origin, axis=1) <= WINDOW_RADIUS_M
     taxels = np.flatnonzero(is_near & (points.normal @ axis > MIN_COSINE))
+    # Window frame: third axis along the normal, first axis perpendicular to it and to the coordinate axis that is most
+    # nearly perpendicular to the normal.
     first = np.eye(3)[np.argmin(np.abs(axis))]
     x = np.cross(axis, first)
     x /= np.linalg.norm(x)
@@ -245,6 +247,7 @@ def _tip_heights(local: FloatArray) -> list[FloatArray]:
         for tilt in np.deg2rad(RIDGE_TILTS_DEG):
             for offset in TIP_OFFSETS_M:
                 is_covered = (along <= offset) & (across <= offset)
+                # The plate rises along the diagonal of the corner; sqrt(0.5) projects the sum of both distances on it.
                 height = np.tan(tilt) * np.sqrt(0.5) * (2.0 * offset - along - across)
                 members.append(np.where(is_covered, height, NO_GAP_M))
     return members

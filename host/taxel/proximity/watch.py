@@ -43,9 +43,7 @@ class ProximityWatch:
 
     @property
     def progress(self) -> float:
-        """Completed share of the baseline, 0 to 1, averaged over the boards that have delivered frames; 0 without
-        one.
-        """
+        """Completed share of the baseline, 0 to 1, averaged over the boards with frames; 0 before the first frame."""
         values = [estimator.progress for estimator in self.estimators.values() if estimator.progress > 0.0]
         return sum(values) / len(values) if values else 0.0
 

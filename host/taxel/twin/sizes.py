@@ -13,8 +13,9 @@ def compute_size(reference: Reference, quantity: Quantity, place: int, amplitude
     """Convert the amplitude of a change to counts; None for a quantity that does not change counts.
 
     place: index in `Places`. A change of gain or recovery is the amplitude times the largest expected signal at the
-    place. A delay changes the signal by minus the delay times the steepest rise in the closing phase. A change of the
-    noise is the change of its standard deviation.
+    place. A delay changes the signal by minus the delay times the steepest rise in the closing phase. The amplitude of
+    a change of the noise is the natural logarithm of the ratio of the variances; its size in counts is the change of
+    the standard deviation.
     """
     members = reference.places.members
     taxels = members.indices[members.indptr[place] : members.indptr[place + 1]]

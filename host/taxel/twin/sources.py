@@ -113,8 +113,8 @@ class SkinSource:
     def _read_recorded_batches(self) -> Iterator[list[SkinFrame]]:
         """Yield all poll cycles of a recording, `RECORDED_BLOCK` at a time.
 
-        A batch ends before the first poll cycle after the exchange of a board, so that the twin learns of the exchange
-        at the same poll cycle as with the live skin.
+        A batch ends before the first poll cycle after the exchange of a board, so that the twin detects the exchange at
+        the same poll cycle as with the live skin.
         """
         batch: list[SkinFrame] = []
         known_ids = self.get_unique_ids()
@@ -173,6 +173,7 @@ class DatasetSource:
         with GraspDataset(path) as data:
             for grasp in data:
                 first = float(grasp.timestamp[0])
+                # A grasp that begins before the end of the previous grasp is moved behind it, so that times increase.
                 offset = offsets[grasp.id] = max(0.0, end - first)
                 if session not in (None, grasp.session):
                     starts.append(first + offset)

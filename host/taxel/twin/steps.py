@@ -61,7 +61,7 @@ class Step:
 
     @classmethod
     def empty(cls, start_s: float, n: int, s: int) -> Step:
-        """Return a step without frames that starts at `start_s`."""
+        """Return a step without frames that starts at `start_s`. n, s: number of taxels and of boards."""
         return cls(
             start_s,
             start_s,
@@ -75,7 +75,7 @@ class Step:
         )
 
     def add(self, other: Step) -> None:
-        """Add the sums of another step without contact."""
+        """Add the sums of another step without contact, which precedes this step."""
         for name in ("count", "total", "squared_difference", "pairs", "received", "expected"):
             getattr(self, name).__iadd__(getattr(other, name))
         self.seconds = [*other.seconds, *self.seconds]
@@ -92,7 +92,7 @@ class Step:
         total, count = (np.stack([part[number] for part in self.seconds]) for number in (0, 1))
         means = np.where(count > 0, total / np.maximum(count, 1), np.nan)
         known = (count > 0).any(axis=0)
-        filled = np.where(known, means, 0.0)
+        filled = np.where(known, means, 0.0)  # numpy warns of taxels that have only NaN
         return np.where(known, np.nanmedian(filled, axis=0), np.nan), np.where(known, np.nanmin(filled, axis=0), np.nan)
 
     def compute_means(self) -> FloatArray:
@@ -221,9 +221,9 @@ class StepBuilder:
             self._current = self._earlier = None
 
     def _begin_contact(self, step: Step) -> None:
-        """Turn an interval without contact into the step of the next announced contact, whose baseline it becomes.
+        """Turn a step without contact into the step of the next announced contact; its frames become the baseline.
 
-        The interval before it, if there is one, is added.
+        The sums of the preceding step are added, unless a contact or a gap of the stream lies between both steps.
         """
         if self._earlier is not None:
             step.add(self._earlier)
@@ -233,7 +233,7 @@ class StepBuilder:
         self._current = step
 
     def _add(self, step: Step, time_s: FloatArray, raw: CountArray, valid: BoolArray) -> None:
-        """Add poll cycles that all belong to `step`. raw: u16[T, n]. valid: bool[T, s]."""
+        """Add T poll cycles that all belong to `step`. time_s: f64[T]. raw: u16[T, n]. valid: bool[T, s], by board."""
         wide = valid[:, self.taxel_board]
         step.received += valid.sum(axis=0)
         step.expected += len(time_s)
@@ -243,6 +243,7 @@ class StepBuilder:
         if step.contact is None:
             self._add_seconds(step, time_s, raw, wide)
             if self._next < len(self.schedule):
+                # The frames shortly before the contact are its baseline; they belong to both bins, `REST` and `BEFORE`.
                 late = time_s >= self.schedule[self._next].start_s - self.baseline_s
                 self._add_to_bin(step, BEFORE, late, raw, wide)
             self._add_differences(step, raw, wide)
@@ -301,6 +302,6 @@ def find_bin_position(contact: Contact, time_s: float) -> float:
     edges = [contact.times_s[0] - 1e-9]
     for begin, end, parts in zip(contact.times_s[:-1], contact.times_s[1:], BINS_PER_PHASE[1:], strict=True):
         edges += [begin + (end - begin) * (part + 1) / parts for part in range(parts)]
-    # The bin before the first edge is the baseline; the start of the contact stands for its middle.
+    # Bin 0, the baseline, has no start of its own: the start of the contact is used in place of the middle of this bin.
     middles = [edges[0], *(0.5 * (low + high) for low, high in pairwise(edges))]
     return float(np.interp(time_s, middles, np.arange(len(middles))))

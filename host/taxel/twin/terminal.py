@@ -66,7 +66,7 @@ class TwinScreen:
         lines += [self._draw_board(number, frame) for number in range(self._session.twin.reference.sensors.s)]
         # 18: width of the label, and one character of margin.
         lines.append(Text.assemble(("residual, floors ", "dim"), self._draw_history(width - 18)))
-        lines += [Text(text[: 2 * width]) for text in self._events]
+        lines += [Text(text[: 2 * width]) for text in self._events]  # an event fills at most two lines
         return Group(*lines)
 
     @staticmethod

@@ -29,7 +29,10 @@ class TwinTopics:
     """Makes the ROS messages of a twin. epoch_offset_ns: Unix time minus stream time, nanoseconds."""
 
     def __init__(self, boards: Mapping[int, str], epoch_offset_ns: int = 0) -> None:
-        """Create the topics of a skin. boards: name of each board by its I2C address."""
+        """Create the topics of a skin.
+
+        boards: name of each board by its I2C address. epoch_offset_ns: Unix time minus stream time, nanoseconds.
+        """
         self._boards = dict(boards)
         self._offset_ns = epoch_offset_ns
         self._cause: CauseEvent | None = None

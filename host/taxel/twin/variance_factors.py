@@ -41,8 +41,10 @@ class VarianceFactors:
     def learn(
         cls, samples: Sequence[tuple[Condition | None, Estimates]], models: NullModels, level: IntArray
     ) -> VarianceFactors:
-        """Learn the factors from the steps of a reference. samples: condition (None: no contact) and estimates of
-        each.
+        """Learn the factors of the variances from the steps of a reference.
+
+        samples: for each step, its condition (None: no contact) and its estimates. models: null models, whose variances
+        the factors correct. level: i64[P], level of each of the P places.
         """
         found = cls(models, level)
         for condition, estimates in samples:
@@ -65,9 +67,8 @@ class VarianceFactors:
     def apply(self, estimates: Estimates, condition: Condition | None, novelty: FloatArray) -> Estimates:
         """Return the estimates of a step with their information corrected by the factors of the step's condition.
 
-        novelty: f64[P], excess variance of the expected signal's error relative to the variance of a contact: the
-        expectation of a place that has been learnt again comes from few contacts, whose common error adds to the
-        variance.
+        novelty: f64[P], excess variance of the expected signal, relative to the variance of a contact. It is above 0 at
+        a place whose expected signal has been learnt again from few contacts: their common error adds to the variance.
         """
         result: Estimates = {}
         for name, (estimate, information) in estimates.items():
@@ -84,7 +85,7 @@ class VarianceFactors:
         return result
 
     def get_repeats(self, name: str, condition: Condition | None) -> FloatArray | None:
-        """Return from how many statistics the factor of each place was learnt, f64[P]; None if no factor was learnt.
+        """Return the number of statistics from which the factor of each place was learnt, f64[P]; None if no factor.
 
         name: name of the quantity.
         """

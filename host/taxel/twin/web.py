@@ -119,6 +119,7 @@ class TwinPage:
         """Render the page with layout and current state, so that it is complete before the first server-sent event."""
         text = resources.files("taxel.twin").joinpath("twin.html").read_bytes()
         for name, value in ((b"{{layout}}", self._layout), (b"{{state}}", self._state)):
+            # An escaped "<" cannot end the script element that contains the JSON value.
             text = text.replace(name, value.replace(b"<", b"\\u003c"))
         return text
 

@@ -155,7 +155,7 @@ class SkinNode(LifecycleNode):
     def _make_topics(self, skin: Skin, watch: ProximityWatch | None, first_s: float) -> SkinTopics:
         """Make a converter from the skin's frames to ROS messages, which measures a new baseline.
 
-        first_s: time of the next frame, seconds. This frame of a recording gets the present time as its time stamp.
+        first_s: time of the next frame, seconds. In a recording, this frame gets the present time as its time stamp.
         """
         assert self._values is not None
         is_live = skin.link.is_real_time and has_arrivals(skin.link)

@@ -90,6 +90,7 @@ def test_a_healthy_board_gives_exit_status_0_three_files_and_a_history(run, fold
 
 
 def test_a_faulty_board_gives_exit_status_1_and_junit_failures(run, folder):
+    """Axis 0 has the TX lines. TX 2 is on pin 3 of the connector, because pins are numbered from 1."""
     status, out, _ = run(url=make_bench_url(f"effect line open {BOARD} axis=0 index=2"))
     assert status == 1
     assert "open line at TX 2: its crossings have" in out
@@ -100,6 +101,7 @@ def test_a_faulty_board_gives_exit_status_1_and_junit_failures(run, folder):
 
 
 def test_a_board_that_fails_gives_exit_status_2_and_a_record(run, folder):
+    """The board is unplugged 0.8 s after the start, before the record of 1.5 s is complete."""
     (folder / "longer.toml").write_text(PLAN.replace("seconds = 0.5", "seconds = 1.5"))
     status, out, _ = run(url=make_bench_url(f"fault 0.8 unplug 0x{ADDRESS:02X}"), plan="longer.toml")
     assert status == 2
@@ -123,6 +125,7 @@ def test_the_json_output_is_one_document(run, folder):
 
 
 def test_a_single_phase_runs_with_the_merging_phase(run):
+    """The phase "Named faults" merges the faults of the other phases, so it runs together with any single phase."""
     status, out, _ = run("--phase", "presses", url=make_bench_url(f"effect dead rest {BOARD} taxel=3"))
     assert status == 1
     assert [line.split("  ")[0] for line in out.splitlines()[1:3]] == ["Response of each taxel", "Named faults"]

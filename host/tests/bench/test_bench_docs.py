@@ -76,6 +76,10 @@ def guide(tmp_path, monkeypatch):
 
 @pytest.mark.slow
 def test_the_blocks_of_the_guide_run_in_order(guide, tmp_path, capsys):
+    """The exit status of a shell line is stated in its comment, otherwise it is 0.
+
+    A TOML block is written to my-plan.toml. A block without a language is a part of the output of the last command.
+    """
     outputs = []
     for kind, text in BLOCK.findall(GUIDE.read_text()):
         if kind == "toml":

@@ -163,7 +163,7 @@ def test_the_probe_waits_for_a_controller_that_restarts_when_its_port_is_opened(
     gantry = pty_gantries(banner=b"\r\nGrbl 1.1h ['$' for help]\r\n", ignored_lines=2)
     open_probe(gantry).press(0, 1.0, 3e-3)
     assert gantry.lines[-1] == "G4 P0"
-    assert gantry.position["Z"] == pytest.approx(TOUCH_Z - 0.1)
+    assert gantry.position["Z"] == pytest.approx(TOUCH_Z - 0.1)  # 1 N at 10 N/mm
 
 
 def test_remarks_and_long_answers_are_ignored(gantries):

@@ -63,6 +63,7 @@ def test_each_white_component_is_recovered(seed):
     assert components.tx == pytest.approx(3.0, rel=0.1)
     assert components.rx == pytest.approx(6.0, rel=0.1)
     assert components.board == pytest.approx(5.0, rel=0.15)
+    # The white noise of a single taxel contains all four components, whose variances add up.
     assert np.median(components.white_by_taxel) == pytest.approx(np.sqrt(16 + 9 + 36 + 25), rel=0.1)
     assert (components.impulse, components.impulses_per_s) == (0.0, 0.0)
 

@@ -41,6 +41,7 @@ class FollowingOperator:
 
 
 def test_each_taxel_is_requested_once(benches):
+    """The force of an operator is not known accurately, so the response at 1 N is not a measurement of the record."""
     bench = benches()
     operator = FollowingOperator(bench)
     record = bench.run(make_short_plan("presses"))
@@ -61,6 +62,7 @@ def test_a_missed_taxel_is_requested_again_and_is_not_a_fault(benches):
 @pytest.mark.parametrize(
     ("effect", "fault", "repetitions_max"),
     [
+        # TX 3 and TX 4 have four taxels each, and all eight may be requested twice.
         (f"exchange lines {BOARD} axis=0 index=3 other=4", ("swapped lines", "TX 3 and TX 4"), 8),
         (f"dead rest {BOARD} taxel=7", ("dead taxel", "taxel 7"), 1),
     ],

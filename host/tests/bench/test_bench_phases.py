@@ -95,7 +95,8 @@ def test_a_fault_is_reported_by_the_phases_that_detect_it(benches, effect, fault
 def test_a_bus_that_loses_reads_is_reported(benches, wire):
     record = benches("effect silent flaky p=0.2 burst=1", wire=wire).run(make_short_plan("frames"))
     assert list_faults(record) == [("bus errors", "board")]
-    # Per 1000 reads. The adapter addresses the board twice for each read, the hub once, unless the last read failed.
+    # Failures per 1000 reads; one addressing in five fails. The adapter addresses the board twice for each read (400).
+    # The hub addresses the board once, and twice after a failed read, so its rate lies between 200 and 400.
     assert find_value(record, "frames", "bus_errors") == pytest.approx(300.0 if wire == "hub" else 400.0, rel=0.25)
 
 
@@ -154,6 +155,7 @@ def test_the_plan_can_require_a_firmware_version(benches):
 
 
 def test_a_wrong_crossing_map_is_reported(benches):
+    """In the changed description of the board, one crossing is at another place than on the emulated board."""
     hand = load_hand("allegro")
     board = hand.get_board(ADDRESS)
     crossings = board.kind.crossings.copy()
@@ -182,6 +184,7 @@ def test_an_address_without_a_board_gives_one_error_line(benches):
 
 
 def test_a_board_in_its_bootloader_is_refused(benches):
+    """A blank board has no address of its own: its bootloader answers at the default address 0x77."""
     with (
         running.open_bench(make_bench_url(f"blank 0x{ADDRESS:02X}")) as (wire, _),
         pytest.raises(BoardError, match="board 0x77: runs no taxel application; identify it with taxel scan"),

@@ -123,7 +123,7 @@ def test_size_of_each_of_several_causes_is_measured_by_repeating_the_first_sessi
     sizes = grasp_world.measure_sizes(
         world, tmp_path / "real.h5", tmp_path / "without.h5", cause_sizes, lambda *done: shown.append(done)
     )
-    assert sizes == (1.0, 2.0)
+    assert sizes == (1.0, 2.0)  # the substitute of `measure` returns the number of runs so far
     nuisance = "gain electrode log_std=0.01"
     assert [run[0] for run in runs] == [("latency x=1", nuisance), ("noise x=1", nuisance)]
     assert all(run[1:] == ({0}, 3) for run in runs)

@@ -146,7 +146,10 @@ def test_all_datasets_state_the_same_creation_time(check):
 
 
 def test_score_of_the_two_worlds_is_written(check):
-    """World 0 (single cause, withheld) is named first; world 1 (no cause) is the only one for false alarms: 0 of 1."""
+    """The single cause of world 0 is named first, and is withheld from a second diagnosis.
+
+    Only world 1 has no cause and can have a false alarm; the number of false alarms ("right") is 0 of 1.
+    """
     score = read_json(check / "score.json")
     assert (score["worlds"], score["full_hand"], score["rig4"]["errors"]) == (2, None, [])
     assert score["rig4"]["false_alarms"] == {

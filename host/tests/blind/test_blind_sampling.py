@@ -44,7 +44,7 @@ def test_fewer_worlds_keep_the_proportions_of_the_kinds_within_two_and_a_half_wo
 
 
 def test_every_effect_and_every_cause_type_of_the_catalogue_occurs_equally_often(all_worlds):
-    assert set(EFFECT_NAMES) == set(OWN_EFFECTS) - {"nonlinearity"}  # which needs data without forces
+    assert set(EFFECT_NAMES) == set(OWN_EFFECTS) - {"nonlinearity"}  # an effect that needs data without forces
     causes = [hidden.causes[0] for hidden in select_hidden(all_worlds, "single")]
     assert Counter(cause.name for cause in causes) == dict.fromkeys(EFFECT_NAMES, 20)
     occurrences = Counter(cause.emulator_effect for cause in causes)
@@ -131,7 +131,7 @@ def test_no_cause_acts_only_on_boards_that_another_cause_silences(all_worlds):
 
 
 def test_gain_factor_of_a_board_is_at_most_1_35_and_at_least_0_55_at_full_strength():
-    """Above a factor of 1.35, the counter saturates and reads 0, like that of a board that does not respond."""
+    """Above a factor of 1.35, the counter saturates and reads 0, as if the board did not respond. 0.55 is exp(-0.6)."""
     (cause_type,) = [cause_type for cause_type in CATALOGUE_CAUSES if cause_type.emulator_effect == "gain idac"]
     hand = load_hand("rig4")
     causes = [cause_type.sample(np.random.default_rng(seed), hand, 1.0) for seed in range(20)]
@@ -205,7 +205,7 @@ def test_worlds_of_the_whole_hand_follow_those_of_the_rig():
     worlds = sample_worlds(5, 2, seed=9)
     assert [world.number for world in worlds] == list(range(7))
     assert [world.hand for world in worlds] == ["rig4"] * 5 + ["original"] * 2
-    assert {world.size.approaches for world in worlds[5:]} == {24}
+    assert {world.size.approaches for world in worlds[5:]} == {24}  # of every campaign with the whole hand
 
 
 def test_every_fortieth_world_is_diagnosed_with_further_analysis_seeds(all_worlds):

@@ -111,7 +111,9 @@ def test_existing_base_is_not_made_again(bases):
 
 @pytest.mark.slow
 def test_injected_cause_of_3_floors_gives_a_gap_of_about_3_3_floors(bases, tmp_path):
-    """The base pair itself has a gap of about one floor, which increases the gap of the cause, 3 floors."""
+    """The base pair itself has a gap of about one floor. Independent gaps add up as squares: sqrt(3^2 + 1^2) is 3.2
+    floors, within the tolerance of the expected value.
+    """
     real, sim = BASE.provide(bases)
     (form,) = (one for one in INJECTED_FORMS if one.form == "ladder")
     inject_causes(real, sim, tmp_path / "real.h5", [form], floors=[3.0], seed=1)

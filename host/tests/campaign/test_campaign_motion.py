@@ -227,6 +227,7 @@ def test_the_torques_are_zero_after_a_grasp(free_hand, controller):
 
 
 def test_missed_periods_do_not_lengthen_the_grasp(free_hand, setup, plan):
+    """Each wait takes four control periods, so the controller misses three of them."""
     virtual, hand = free_hand
     controller = GraspController(setup.approach(plan[0]), BRIEF)
     times: list[float] = []
@@ -253,4 +254,4 @@ def test_control_starts_when_every_finger_has_reported(free_hand, controller):
     with hand:
         log = control_grasp(hand, controller, 0.0, 0.03, wait)
     assert np.isfinite(log.angles).all()
-    assert log.time_s == pytest.approx(PERIOD_S * np.arange(10))
+    assert log.time_s == pytest.approx(PERIOD_S * np.arange(10))  # 0.03 s have ten periods of 3 ms

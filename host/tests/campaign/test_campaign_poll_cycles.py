@@ -80,6 +80,9 @@ def test_no_frames_give_no_poll_cycles():
 
 
 def test_the_frames_of_a_cycle_are_grouped_with_the_time_of_the_first_scan():
+    """`make_frame` sets the time of a frame to cycle * PERIOD_S + address * 1e-5 s, and its counts to
+    cycle + address.
+    """
     grouped = group_by_poll_cycle(HAND, [make_frame(address, cycle) for cycle in range(3) for address in ADDRESSES])
     assert grouped.valid.all()
     assert grouped.time_s == pytest.approx(np.arange(3) * PERIOD_S + min(ADDRESSES) * 1e-5)

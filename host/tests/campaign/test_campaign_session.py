@@ -96,7 +96,7 @@ def test_counts_decrease_in_hold_and_return_to_the_baseline(records):
         recovery_frames = record.raw_counts[record.phase == Phase.RECOVERY]
         # Six standard errors of a difference of two means: 1 in 10^6 taxels exceeds it by noise.
         tolerance = 6.0 * NOISE_COUNTS * (1.0 / len(baseline_frames) + 1.0 / len(recovery_frames)) ** 0.5
-        assert (baseline - baseline_frames).max() < 8 * NOISE_COUNTS
+        assert (baseline - baseline_frames).max() < 8 * NOISE_COUNTS  # no contact in the baseline, only noise
         assert 5 < (baseline - hold > 150).sum() < 300  # a plausible number of taxels with a clear signal
         assert (baseline - hold).min() > -tolerance
         assert baseline == pytest.approx(recovery_frames.mean(axis=0), abs=tolerance)

@@ -70,7 +70,10 @@ def test_support_and_motion_of_an_object_agree_with_the_reference(random_object,
 
 
 def test_the_load_of_the_steadying_hand_agrees_with_the_reference(random_object, rng):
-    """The firmness is 1 for a hand that steadies the object fully, 0 for none; it is withdrawn and applied again."""
+    """The firmness is 1 for a hand that steadies the object fully, and 0 for no hand.
+
+    The sequence contains a hand that is withdrawn (0.0) and applied again (0.7).
+    """
     _, item, reference = random_object
     for firmness in (1.0, 0.4, 0.0, 0.0, 0.7, 1.0):
         velocity = rng.normal(scale=[0.5, 0.5, 0.5, 20.0, 20.0, 20.0])

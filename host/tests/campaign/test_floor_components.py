@@ -103,6 +103,7 @@ def test_floors_of_conditions_are_pooled_by_their_root_mean_square():
     parts = [FloorComponents(10, {"grip": 3.0}, 6.0, (0.0, 0.0)), FloorComponents(20, {"grip": 4.0}, 8.0, (0.0, 0.0))]
     pooled = pool(parts, sessions=6)
     assert pooled.taxels == 30
-    assert pooled.components["grip"] == pytest.approx(np.sqrt(12.5))
-    assert pooled.total == pytest.approx(np.sqrt(50.0))
-    assert pooled.interval[0] > 0.7 * pooled.total  # 0.67 with the degrees of freedom of a single condition
+    assert pooled.components["grip"] == pytest.approx(np.sqrt(12.5))  # (3^2 + 4^2) / 2
+    assert pooled.total == pytest.approx(np.sqrt(50.0))  # (6^2 + 8^2) / 2
+    # Two conditions have 10 degrees of freedom. The 5 of a single condition would give 0.67 times the total.
+    assert pooled.interval[0] > 0.7 * pooled.total

@@ -95,8 +95,8 @@ def test_counts_decrease_in_hold_and_return_to_the_baseline(pair):
 
 
 def test_the_simulated_taxel_forces_add_up_to_about_the_force_of_the_mount(pair, plan):
-    """They are constant in the hold. The sum differs from the mount's force because surfaces are inclined, and because
-    a part of the force acts on the bare margins of the boards.
+    """The forces are constant in the hold. Their sum differs from the force of the mount for two reasons: surfaces are
+    inclined, and a part of the force acts on the bare margins of the boards.
     """
     force_n = {approach.name: approach.force_n for approach in plan.approaches}
     with GraspDataset(pair[1]) as data:

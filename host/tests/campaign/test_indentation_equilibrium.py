@@ -76,7 +76,7 @@ def test_the_emulated_skin_balances_the_mount_and_the_travel_includes_the_compre
 
 
 def test_emulated_and_simulated_equilibrium_and_counts_agree(plan, contact):
-    """They differ only by their discretisation: 16 contact elements or 25 springs per taxel."""
+    """The two models differ only by their discretisation: 16 contact elements (emulated) or 25 springs per taxel."""
     differences = []
     for approach in plan.approaches:
         index = list(plan.objects).index(approach.object)
@@ -108,7 +108,7 @@ def test_a_displaced_bracket_shifts_the_first_contact(hand, plan, contact):
 
 
 def test_the_fixed_layer_gives_the_forces_of_the_simulators_layer(plan):
-    """With many springs, the fixed layer approaches the columns of `taxel.sim.soft_contact` with mean pressures."""
+    """`SoftContact` computes the forces by another method. Both methods agree if the fixed layer has many springs."""
     for approach in plan.approaches:
         shape = plan.objects[approach.object].shape
         expected = SoftContact(plan.hand, shape, LayerLaw()).compute_taxel_forces(

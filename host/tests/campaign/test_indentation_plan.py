@@ -144,7 +144,7 @@ def test_every_family_samples_solids_of_the_stated_sizes_with_features_on_their_
         for feature in features:
             assert np.linalg.norm(feature.outward) == pytest.approx(1.0)
             assert feature.outward @ feature.along == pytest.approx(0.0, abs=1e-9)
-            # The features belong to the solid without rounding, so they can lie outside the rounded one.
+            # The features belong to the solid without rounding, so they can lie outside the rounded solid.
             assert -1e-9 < float(grasp_object.shape.signed_distance(feature.middle)) < 0.012
 
 
@@ -212,6 +212,7 @@ def test_the_times_of_a_travel_are_those_at_which_the_mount_passes_it(touch_m, e
     ],
 )
 def test_an_infeasible_design_is_rejected_with_a_one_line_message(hand, numbers, field):
+    """Three approaches are too few, because each of the four boards needs two."""
     with pytest.raises(IndentationPlanError) as caught:
         sample_indentation_plan(hand, 0, IndentationDesign(**numbers))
     assert str(caught.value).startswith(f"indentation plan: {field}: expected ")

@@ -55,6 +55,7 @@ def test_displacements_remain_in_the_mechanical_settings_and_effects_of_the_skin
 
 
 def test_a_second_campaign_performs_no_grasp_again_and_has_equal_records(setup, plan, settings, tmp_path, monkeypatch):
+    """A drift of the counts does not change the motion, so the second campaign uses the stored grasps of the first."""
     noisy = replace(settings, effects=("drift warm_up counts=800 seconds=60",))
     memory, performed = GraspMemory(), []
 

@@ -101,6 +101,7 @@ def test_an_existing_file_is_replaced_only_with_the_option_overwrite(guide, caps
 
 
 def test_json_output_counts_frames_and_contacts(guide, capsys):
+    """The example contacts.csv of the guide has rows at three times, which become frames, and three contacts."""
     status, out, err = capture_taxel(capsys, *read_example_arguments("gazebo"), "--json")
     assert (status, err) == (0, "")
     assert json.loads(out) == {

@@ -60,6 +60,7 @@ def start_program(text):
 
 
 def test_sigterm_ends_a_process_that_waits_in_a_library():
+    """The main thread runs no Python code, so another thread ends the process after `grace_s`."""
     process = start_program(WAITING_IN_C)
     time.sleep(0.5)  # until the program has entered the call
     process.send_signal(signal.SIGTERM)
@@ -67,6 +68,7 @@ def test_sigterm_ends_a_process_that_waits_in_a_library():
 
 
 def test_sigterm_ends_a_process_whose_library_holds_the_lock_of_the_interpreter():
+    """No thread can run Python code, so an alarm of the kernel (SIGALRM) ends the process after `LOCKED_S`."""
     process = start_program(HOLDING_THE_LOCK)
     time.sleep(0.5)  # until the program has entered the call
     process.send_signal(signal.SIGTERM)

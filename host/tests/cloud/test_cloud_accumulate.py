@@ -107,14 +107,14 @@ def test_propagation_activates_four_neighbours_with_the_signal_of_the_strongest_
 
 
 def test_propagation_from_the_corner_of_a_board_stays_on_this_board(dataset):
-    corner = BOARD - 1
+    corner = BOARD - 1  # last row and last column of the first board
     path = dataset({"signals": ((corner, 400),)}, source="sim")
     adjacent_only = accumulate_file(path, propagation=Propagation())
     assert set(adjacent_only.taxel) == {corner, corner - 1, corner - COLUMNS}
 
 
 def test_propagation_with_a_reach_of_one_and_a_half_pitches_activates_diagonal_neighbours(dataset):
-    corner = BOARD - 1
+    corner = BOARD - 1  # last row and last column of the first board
     path = dataset({"signals": ((corner, 400),)}, source="sim")
     with_diagonals = accumulate_file(path, propagation=Propagation(reach_m=0.0075))
     assert set(with_diagonals.taxel) == {corner, corner - 1, corner - COLUMNS, corner - 1 - COLUMNS}

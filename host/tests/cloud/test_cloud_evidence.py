@@ -170,6 +170,7 @@ def test_likelihood_of_a_grasp_does_not_depend_on_other_grasps():
 
 
 def test_log_likelihood_of_a_grasp_without_an_active_taxel_is_zero():
+    """Only the active taxels of grasp 1 are kept, so the grasps 0 and 2 have none."""
     cloud = simulate_grasps(get_builtin_models()["cylinder"], 0.002)
     cloud = cloud.select(cloud.grasp == 1)
     by_grasp = get_shape_likelihood(get_builtin_models()["cylinder"]).compute_by_grasp(cloud)

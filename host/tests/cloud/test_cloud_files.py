@@ -92,6 +92,9 @@ def test_inactive_taxels_are_restored_from_ply_only(tmp_path, surface_cloud, end
     ],
 )
 def test_damaged_rows_of_inactive_taxels_are_refused_in_one_line(tmp_path, surface_cloud, old, new, message):
+    """The element `silent` of a PLY file has the inactive taxels: here five rows of x, y, z and the row of
+    the grasp.
+    """
     path = tmp_path / "cloud.ply"
     write_cloud(add_inactive(surface_cloud("cone")), path)
     assert old in path.read_text()
@@ -101,6 +104,7 @@ def test_damaged_rows_of_inactive_taxels_are_refused_in_one_line(tmp_path, surfa
 
 
 def test_inactive_taxels_are_neither_read_nor_written_without_names_of_grasps(tmp_path, surface_cloud):
+    """In a PLY file, comments contain the names of the grasps, and the element `silent` has the inactive taxels."""
     path = tmp_path / "cloud.ply"
     write_cloud(add_inactive(surface_cloud("cone")), path)
     path.write_text("".join(line for line in path.read_text().splitlines(True) if not line.startswith("comment")))
@@ -262,6 +266,7 @@ def test_unknown_suffix_is_refused_for_reading_and_writing_in_one_line(tmp_path,
 
 
 def test_references_to_approaches_and_grasps_without_a_name_are_refused_in_one_line():
+    """The comment `taxel.grasp` has the row of a grasp, the row of its approach, and its name."""
     comments = "comment taxel.approach 0 side\ncomment taxel.grasp 0 {} a\n"
     text = (
         START_OF_PLY.decode().replace("element", comments + "element", 1) + "property int grasp\nend_header\n1 2 3 {}\n"

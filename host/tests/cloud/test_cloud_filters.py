@@ -114,7 +114,7 @@ def test_force_filter_of_a_cloud_without_counts_is_refused_in_one_line(surface_c
 
 
 def test_outlier_filter_has_the_settings_of_table_5_4_and_a_default_for_other_objects():
-    """Table 5.4 uses 20 neighbours, and for the triangular prism 716, a quarter of its 2866 points."""
+    """Table 5.4 of the thesis uses 20 neighbours, and for the triangular prism 716, a quarter of its 2866 points."""
     assert get_outlier_filter("rectangular_prism") == OutlierFilter(20.0, 1.0)
     assert get_outlier_filter("mug") == DEFAULT_OUTLIER_FILTER
     assert get_outlier_filter("triangular_prism").count_neighbours(2866) == 716

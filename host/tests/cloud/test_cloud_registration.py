@@ -114,7 +114,7 @@ def test_transform_of_an_alignment_is_rigid(surface_cloud):
 def test_points_on_a_plane_move_only_along_its_normal():
     mesh = get_builtin_models()["rectangular_prism"]
     top = mesh.sample(4000)
-    top = top[top[:, 2] > 0.215 - 1e-12] * [0.5, 0.5, 1.0]
+    top = top[top[:, 2] > 0.215 - 1e-12] * [0.5, 0.5, 1.0]  # the middle of the top face, far from its edges
     result = align_to_mesh(top + np.array([0.0, 0.0, 0.001]), mesh)
     assert result.rms_m < 1e-9
     assert result.transform[:3, 3] == pytest.approx([0.0, 0.0, -0.001], abs=1e-9)
@@ -141,6 +141,7 @@ def test_cloud_in_an_unknown_pose_is_aligned_to_a_cloud(surface_cloud):
 
 
 def test_guesses_are_25_rigid_transforms_of_which_all_but_the_identity_map_centre_to_centre():
+    """The guesses are the identity, and the 24 rotations that align the principal axes of both clouds."""
     rng = np.random.default_rng(3)
     points, target = rng.normal(0.0, [0.03, 0.02, 0.01], (200, 3)), rng.normal(0.1, [0.01, 0.03, 0.02], (300, 3))
     guesses = compute_guesses(points, target)

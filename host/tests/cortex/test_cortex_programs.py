@@ -81,6 +81,8 @@ def test_calls_cycles_and_stack_of_exception_handlers_are_counted(cortex, build_
     with cortex.bare_cpu.BareCpu() as cpu:
         cpu.set_accounting(True)
         cortex.images.run_emulator(image, cpu)
+        # For each of seven priority assignments, the program raises SVCall once, PendSV three times and SysTick twice.
+        # It raises SysTick once more at its end.
         assert [cpu.read_handler_cost(number).count for number in (SVCALL, PENDSV, SYSTICK)] == [7, 21, 15]
         for number in (SVCALL, PENDSV, SYSTICK, *FIRST_INTERRUPTS):
             cost = cpu.read_handler_cost(number)

@@ -56,6 +56,7 @@ def test_microcontroller_mode_always_emulates_a_cortex_m33(u, arm):
 
 
 def test_the_system_control_space_is_missing(cortex, u, arm):
+    """A read of a register of the interrupt controller fails in Unicorn, and succeeds in the emulator."""
     engine = create_engine(u, arm, u.UC_MODE_THUMB, LDR_R0_R1)
     engine.reg_write(arm.UC_ARM_REG_R1, NVIC_ISER)
     with pytest.raises(u.UcError):

@@ -111,7 +111,7 @@ def test_the_examples_of_the_help_run(tmp_path, monkeypatch, capfd):
 
 
 def test_each_command_whose_examples_do_not_run_here_is_named_in_a_test_of_another_folder():
-    """The last word of the command is in quotation marks there, as an argument of the program."""
+    """Such a test contains the last word of the command in quotation marks, as an argument of the program."""
     tests = {
         path: path.read_text()
         for path in (ROOT / "host/tests").rglob("test_*.py")

@@ -73,6 +73,7 @@ def test_the_scripted_board_has_no_deviation():
 
 
 def test_an_exception_ends_the_tests_and_names_its_step():
+    """During the command f, the test of the flash row, the board reports an exception and starts again."""
     results, findings = find_with(f=[(0.0, "fault exception=2 pc=00000abc"), (0.1, START)])
     assert (results.ended_by.name, results.restart) == ("flash row", None)
     assert list_differing(findings) == [(7, "exceptions during the test of the flash row")]

@@ -166,7 +166,7 @@ def test_exceeded_budgets_of_flash_ram_and_cycles_are_reported(sizes):
         == f"flash {size.flash} of {size.flash - 1} bytes, RAM {size.ram} of {size.ram - 1} bytes"
     )
     over_cycles = dataclasses.replace(size, cycles={"poll": 30, "frame": 80, "of": 100})  # "of": the budget
-    assert over_cycles.describe_excess() == "awake 110 of 100 cycles"
+    assert over_cycles.describe_excess() == "awake 110 of 100 cycles"  # 30 for the poll and 80 for the frame
 
 
 def test_changes_of_size_and_cycles_since_an_earlier_run_are_listed(sizes, tools, tmp_path):

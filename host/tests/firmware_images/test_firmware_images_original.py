@@ -204,6 +204,7 @@ def test_the_files_contain_the_rows_of_the_image(build_folder, build_behind_boot
     tools.original_image.write_files(build_behind_bootloader, "finger_small", tmp_path, 0x1A, SILICON_ID)
     lines = (tmp_path / "finger_small.cyacd").read_text().splitlines()
     assert lines[0] == "04FA11930000"  # silicon id, revision 0, type 0 of the checksum
+    # Hexadecimal digits of a line after the colon: 2 array, 4 row, 4 length, then the data, and 2 checksum.
     rows = {int(line[3:7], 16): bytes.fromhex(line[11:-2]) for line in lines[1:]}
     image = tools.original_image.read_original_image(
         tools.firmware_elf.read_linked_image(build_behind_bootloader), 0x1A

@@ -67,6 +67,7 @@ def test_a_bootloader_without_an_image_keeps_running(flash_with):
 
 
 def test_a_trial_start_is_recorded_before_the_first_instruction_of_the_image(flash_with):
+    """`tries`: remaining trial starts of the slots A and B. The bootloader starts the pending slot B (number 1)."""
     part = Part(SOFTWARE, flash_with("board", "ab", make_metadata(confirmed=0, pending=1, tries=(3, 2))))
     run_to_image(part, "board", 1)
     assert read_metadata(part) == make_metadata(confirmed=0, pending=1, tries=(3, 1))
@@ -87,6 +88,9 @@ def test_a_damaged_image_is_replaced_by_the_other_slot(flash_with, device):
 
 
 def test_a_request_to_stay_is_valid_for_one_reset(flash_with):
+    """The request is the word "STAY" in RAM, which keeps its content over a reset. The bootloader clears
+    the request.
+    """
     flash = flash_with("board", "a", make_metadata(confirmed=0, pending=NONE, tries=(3, 3)))
     ram = bytearray(0x1000)
     ram[HANDOVER : HANDOVER + 4] = b"STAY"

@@ -147,6 +147,7 @@ def test_an_update_over_the_bus_starts_the_new_image(build_folder, listening_boa
 
 
 def test_a_row_with_word_sum_zero_is_written_in_two_steps(listening_board):
+    """The flash does not write such a row reliably in a single step, unless the row contains only zeros."""
     part, bus = listening_board
     row = bytes([1, 0, 0, 0] + [0xFF] * 4 + [0] * 120)  # the words 1 and 0xFFFFFFFF add up to 0 modulo 2^32
     send_request(part, bus, BootCommand.ENTER)
@@ -225,7 +226,7 @@ def test_an_image_reports_the_reset_cause(flash_with, reset_bits, cause):
     part.speed = 20  # cycles per instruction: time passes faster
     bus, front_end = SlaveBus(part), create_front_end(part)
     part.run_until(lambda: front_end.conversions > 0)
-    status, _ = unpack(Status, bus.read(ADDRESS, 28, bytes([STATUS])))
+    status, _ = unpack(Status, bus.read(ADDRESS, 28, bytes([STATUS])))  # the 28 bytes of the status register
     assert status["reset_cause"] == cause
 
 
@@ -236,7 +237,7 @@ def test_a_trial_image_confirms_itself_after_ten_scans_and_a_read_and_continues_
     bus.read(ADDRESS, SNAPSHOT_OVERHEAD + 2 * FINGERTIP.taxel_count, bytes([SNAPSHOT]))
     part.run_until(lambda: read_metadata(part)[0] == 0)  # the first field is `confirmed`; 0: slot A
     part.run(slices=10)
-    identity, _ = unpack(Identity, bus.read(ADDRESS, 58, b"\0"))
+    identity, _ = unpack(Identity, bus.read(ADDRESS, 58, b"\0"))  # 58 bytes of register 0, the identity
     assert identity["kind"] == FINGERTIP.code
     conversion_count = front_end.conversions
     part.run(slices=200)
@@ -396,6 +397,7 @@ def test_a_hub_enters_its_bootloader_on_command(flash_with):
     host.send_frame(FrameType.HOST_HANDSHAKE, bytes([1, 1, 1]))
     host.run_until(lambda: len(host.select_payloads(FrameType.HUB_HANDSHAKE)) == 2)
     host.send_frame(FrameType.COMMAND, bytes([2, Command.ENTER_BOOTLOADER]) + BOOTLOADER_KEY.to_bytes(4, "little"))
+    # The model of the processor raises this error when the firmware resets it.
     with pytest.raises(AssertionError, match="reset the processor"):
         host.run_until(lambda: False)
     assert host.part.ram(HANDOVER, 4) == b"STAY"

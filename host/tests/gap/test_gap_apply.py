@@ -161,7 +161,7 @@ def test_an_effect_read_from_a_report_changes_counts_only_from_closing_on(simula
             raw, valid = add_effects_to_grasp(states.build_state(grasp), grasp, [one], SINGLE_GRASP)
             assert valid is grasp.valid
             changed |= (raw != grasp.raw_counts).any()
-            if name != "noise":
+            if name != "noise":  # noise is added to all frames, also to those of the baseline
                 np.testing.assert_array_equal(raw[:BASELINE_FRAMES], grasp.raw_counts[:BASELINE_FRAMES])
     assert changed
 
@@ -259,6 +259,7 @@ def test_noise_is_common_to_the_lines_named_in_the_report(simulation):
     components = np.repeat([[3.0], [4.0], [0.0], [5.0]], N, axis=1)  # white, of TX lines, of RX lines, of boards
     samples = sample_noise(components, simulation.pair.groups, 20_000, SINGLE_GRASP)
     covariance = np.cov(samples[:, [0, 1, COLUMNS, N - 1]].T)  # on one TX line, on one RX line, on the other board
+    # A variance is 9 + 16 + 25. Taxels on one TX line share 16 + 25, other taxels of one board share 25.
     expected = [[50.0, 41.0, 25.0, 0.0], [41.0, 50.0, 25.0, 0.0], [25.0, 25.0, 50.0, 0.0], [0.0, 0.0, 0.0, 50.0]]
     np.testing.assert_allclose(covariance, expected, atol=2.0)
 

@@ -191,6 +191,7 @@ def write_simulator(tmp_path, text=SIMULATOR) -> str:
 
 
 def test_a_simulator_command_of_the_user_creates_the_dataset(capfd, content, report, paths, tmp_path):
+    """The simulator of this test sets all counts to 29000, and prints the limit of the saturation, 400 counts."""
     content["verdict"]["effects"] = ["saturation"]
     report.write_text(json.dumps(content))
     out = tmp_path / "sim2.h5"

@@ -126,7 +126,7 @@ def test_linear_predictions_agree_with_refits_without_the_fold(fit_data, fitted)
     for number, composite in enumerate(prediction.composites):
         is_in_fold = fit_data.taxel_folds == number
         refitted = fitted
-        for _ in range(3):  # one fit ends a tenth of the small step before the minimum
+        for _ in range(3):  # a single fit ends shortly before the minimum
             refitted = fit(fit_data.build_problem(~is_in_fold), refitted.composite)
         linear = np.moveaxis(prediction.features - refitted.features, 1, 2)[is_in_fold]
         change = np.abs(refitted.features - fitted.features).max()

@@ -141,7 +141,7 @@ def test_force_changes_are_interpolated_between_net_force_levels(state):
 
 
 def test_taxels_that_lose_contact_have_no_force(state):
-    """This holds for any difference between the simulated force and the force of the geometry."""
+    """Their force is exactly 0, however much the simulated force differs from the force of the geometry."""
     change = make_neutral_change(state)
     change[:, 0, :, :10] = 0.0
     moved = apply_change(state, state.base, change)
@@ -159,8 +159,8 @@ def test_on_a_flat_contact_both_stiffness_models_agree(state):
 
 
 def test_displacement_along_the_normal_of_a_flat_board_is_not_identifiable(state):
-    """This holds also for a rotated board: it is shifted until its net force is kept. The reported translation refers
-    to the frame before the rotation.
+    """A rotated board is shifted along its normal until its net force is kept, so a displacement along the normal has
+    no influence. The reported translation refers to the frame before the rotation.
     """
     form = PoseError(BOARD)
     # Translations x, y, z in mm and rotations in degrees of both boards.

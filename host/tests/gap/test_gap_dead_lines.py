@@ -114,6 +114,8 @@ def test_lower_simulated_noise_is_not_reported_beside_an_open_line(write_world, 
 
 
 def test_taxels_with_wrapping_counts_are_not_dead(get_world_paths):
+    """A signal above 400 counts appears 1600 counts smaller, as in a counter that overflows."""
+
     def wrap_counts(force, signal_counts):
         return np.where(signal_counts > 400.0, signal_counts - 1600.0, signal_counts)
 

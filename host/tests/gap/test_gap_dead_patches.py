@@ -95,6 +95,7 @@ def test_exchanged_lines_are_distinguished_from_a_dead_patch_over_two_lines():
     arguments = (state, real, expected[None, None], (0, "tx", 1))
     assert not is_response_on_other_line(*arguments, is_silent)
     assert is_response_on_other_line(*arguments, np.zeros_like(is_silent))
+    # TX line 1 has the signals of TX line 3, and vice versa.
     exchanged = np.where(PLACE // SIZE == 1, expected.reshape(SIZE, SIZE)[3][PLACE % SIZE], 0.0)
     exchanged = np.where(PLACE // SIZE == 3, expected.reshape(SIZE, SIZE)[1][PLACE % SIZE], exchanged)
     real = SimpleNamespace(value=exchanged[None, None, None])

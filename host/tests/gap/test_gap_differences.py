@@ -65,6 +65,8 @@ def test_another_world_frame_is_no_difference(files):
 
 
 def test_another_joint_angle_is_no_difference(files):
+    """Another joint angle moves one board, but the object has the same pose relative to the other board."""
+
     def move_second_board(file):
         for grasp in file["grasps"].values():
             pose = grasp["sensor_pose"][...]

@@ -96,7 +96,9 @@ def test_pillar_propagation_loads_only_taxels_within_its_reach():
     distance = 5e-3 * np.abs(np.subtract.outer(np.arange(3), np.arange(3)))
     board = BoardLayout(np.arange(3), distance, 5e-3, np.repeat(places[:, None], 9, axis=1))
     pressure = np.repeat([[3.0], [0.0], [0.5]], 9, axis=1)
-    gained = compute_gained_force(board, pressure, reach_m=20e-3, half_depth_n=1.0)  # depth 3/4 loses 1/4 in one pitch
+    # Force F is depth F / (F + 1): 3 N give 3/4. One pitch is a quarter of the reach and reduces the depth by 1/4, so
+    # the second taxel has depth 1/2, which is 1 N.
+    gained = compute_gained_force(board, pressure, reach_m=20e-3, half_depth_n=1.0)
     np.testing.assert_allclose(gained[FORCE_LEVELS == 1.0], [[0.0, 1.0, 0.0]], atol=1e-6)
     np.testing.assert_array_equal(gained[FORCE_LEVELS == 0.0], 0.0)
     np.testing.assert_allclose(compute_gained_force(board, pressure, reach_m=5e-3, half_depth_n=1.0), 0.0, atol=1e-6)

@@ -61,8 +61,10 @@ static uint32_t probe(uint8_t address)
     return causes;
 }
 
-/* Test the levels of the released and driven lines, then probe all addresses if both lines are high. Prints the
- * result. */
+/* Test the I2C bus and print one line of results. `idle`, `scl_low`, `sda_low`: levels of the lines (bit 0 SCL, bit 1
+ * SDA) when both are released, when SCL is driven low, and when SDA is driven low. If both released lines are high,
+ * each address is probed: numbers of addresses with ACK, with NACK, and with neither (timeout, lost arbitration or bus
+ * error), and the first address with ACK. */
 void bus_test_run(void)
 {
     uint32_t acknowledged = 0, refused = 0, failed = 0, first = 0;

@@ -30,8 +30,9 @@
 
 static uint8_t sample_clock, sense_clock; /* numbers of the peripheral clocks in use */
 
-/* Assign the modulator clock to the present sample clock number, the sense clock to the present sense clock number
- * (unless NO_CLOCK), and no clock to all other numbers that the serial blocks do not use. */
+/* Connect the clock inputs of the converter to their dividers. Each peripheral clock input of the chip has a number and
+ * a register select[number]. Input `sample_clock` receives the modulator clock (divider A1), input `sense_clock`
+ * (unless NO_CLOCK) the sense clock (divider B1). All other inputs from PERI_CLK_OF_SCB1 + 1 on receive no clock. */
 static void select_clocks(void)
 {
     for (unsigned i = PERI_CLK_OF_SCB1 + 1u; i <= LARGEST_SELECT; i++) {
@@ -43,7 +44,8 @@ static void select_clocks(void)
     }
 }
 
-/* Set up clocks, trim and pins of the converter. */
+/* Set up the capacitance converter (CSD): modulator and sense clock dividers, trim, TX and RX pin. The converter itself
+ * halves the sense clock, so the divider of this clock is halved here. */
 void converter_init(void)
 {
     sample_clock = PERI_CLK_OF_CSD_SAMPLE;
@@ -83,7 +85,7 @@ uint32_t converter_run(bool two_capacitors, uint8_t code, uint32_t *cycles)
     CSD->config = two_capacitors ? WITH_TWO : WITH_ONE;
     for (unsigned i = 0; i < START_LOOPS && !(CSD->status & (CSD_STATUS_SENSE | CSD_STATUS_SAMPLE)); i++) {
     }
-    const uint32_t early = CSD->counter & CSD_COUNTER_COUNT;
+    const uint32_t early = CSD->counter & CSD_COUNTER_COUNT; /* counted before the sense clock ran */
     while (!(CSD->intr & CSD_INTR_CSD)) {
         if (cycles_since(begin) > TIMEOUT) {
             CSD->config = 0; /* ends a conversion without a clock */
@@ -105,8 +107,9 @@ static uint8_t select_at(unsigned step, uint8_t assumed)
 
 #define STEPS 15u /* the assumed number, 4 to 15, 0 and 1 */
 
-/* Find the number of the sample clock: the first one with which a conversion has the expected duration
- * (converter.h). */
+/* Find the number of the clock input for the sample clock: the first number with which a conversion has the expected
+ * duration. Returns the number, which stays selected; CONVERTER_NONE if no number fits, with the assumed number
+ * selected. */
 uint32_t converter_find_sample_clock(void)
 {
     uint32_t cycles;
@@ -128,8 +131,9 @@ uint32_t converter_find_sample_clock(void)
     return CONVERTER_NONE;
 }
 
-/* Find the number of the sense clock: the first one with which a conversion counts clearly more than noise
- * (converter.h). */
+/* Find the number of the clock input for the sense clock: the first number with which the count of a conversion is
+ * clearly larger than noise. Returns the number, which stays selected; CONVERTER_NONE if no number fits, with the
+ * assumed number selected. */
 uint32_t converter_find_sense_clock(bool two_capacitors)
 {
     uint32_t cycles;

@@ -69,7 +69,11 @@ class BasePair:
         return pair_folder / "real.h5", pair_folder / "sim.h5"
 
     def _make(self, real: Path, sim: Path) -> None:
-        """Write the two datasets."""
+        """Write the real dataset to `real` and the simulated dataset to `sim`, without a hidden cause.
+
+        Touches: the two halves of the repeats of measured touches. Indentations and grasps: from the emulated skin,
+        with the small deviations that every skin has, and from the simulator.
+        """
         rng = np.random.default_rng([self.seed, len(self.kind)])
         if self.kind == TOUCH:
             first, second = _sample_touches(rng)

@@ -102,7 +102,10 @@ def _choose_frame(group: h5py.Group, rng: np.random.Generator) -> int:
 
 
 def _write_contact(file: h5py.File, group: h5py.Group, frame: int, force: np.ndarray) -> None:
-    """Write the forces f64[T, n] of a grasp, and recompute the counts of one frame from them with the sensor model."""
+    """Write the forces f64[T, n] of a grasp, and recompute the counts of one frame from them with the sensor model.
+
+    The model is baseline - full scale * force / (force + half force) + noise, in counts.
+    """
     group["contact_force"][...] = force
     model = file["sensor_model"].attrs
     full, half = model["full_scale_drop_counts"], np.asarray(model["half_force_n"])

@@ -100,7 +100,11 @@ class ModalityWorld:
     conditions: int | None = None
 
     def make(self, real: Path, sim: Path) -> None:
-        """Write the real and the simulated dataset."""
+        """Write the real dataset, with the cause, and the simulated dataset, without it.
+
+        If `conditions` is set, every k-th load is used, with k such that about `conditions` loads remain. The second
+        number of each random seed (5, 6, 7) makes the random numbers of the causes and of the two datasets independent.
+        """
         kind, rng = KINDS[self.sensor], np.random.default_rng([self.seed, 5])
         loads = _sample_loads(kind, rng)[:: -(-kind.conditions // (self.conditions or kind.conditions))]
         change = _CHANGES[self.cause](kind, self.strength, rng)
@@ -284,7 +288,7 @@ def _make_noise(kind: SensorKind, strength: float, rng: np.random.Generator) -> 
 
 
 def _make_dead(kind: SensorKind, strength: float, rng: np.random.Generator) -> Change:
-    """Make a dropout: some random taxels have no signal."""
+    """Make a dropout: random taxels have no signal; at strength 1, one more than 6 % of the taxels."""
     width = max(1, round(0.06 * strength * kind.n))
     dead = rng.permutation(kind.n)[: width + 1]
     dead_components = (dead[:, None] * 3 + np.arange(3)).ravel() if kind.is_vector else dead

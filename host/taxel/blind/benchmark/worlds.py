@@ -167,7 +167,11 @@ def _sample_grasps(number: int, seed: int) -> BenchmarkWorld:
 
 
 def _sample_injected(rng: np.random.Generator, family: str, count: int, seed: int) -> list[BenchmarkWorld]:
-    """Sample worlds of a family with injected causes: base, forms and sizes of the causes."""
+    """Sample worlds of a family with injected causes.
+
+    Each world gets a base (pair of datasets without a cause, shared by several worlds), the forms (functional variants)
+    of its causes, and the gap that each cause must produce, in floors.
+    """
     kind_of_base = BASE_KINDS[family]
     forms = [one for one in INJECTED_FORMS if kind_of_base != TOUCH or one.name not in NOT_ON_TOUCHES]
     worlds = []

@@ -51,6 +51,7 @@ def inject_causes(
             changed = prepare_pair(read_pair(out, sim))
             change = np.where((fit_data.weight > 0) & (changed.weight > 0), changed.target - fit_data.target, 0.0)
             gap = compute_gap_of_change(change, fit_data.layout)
+            # The gap is approximately proportional to the strength.
             strength = float(np.clip(strength * wanted * floor / max(gap, 1e-9), *STRENGTHS))
         strengths.append(strength)
     write_injected(real, sim, out, skin, list(zip(parts, strengths, strict=True)), seed)

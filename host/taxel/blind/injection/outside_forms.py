@@ -73,7 +73,10 @@ def sample_mirrored_board(skin: SkinTable, rng: np.random.Generator) -> Injectio
 
 
 def sample_sharpening(skin: SkinTable, rng: np.random.Generator) -> Injection:
-    """Sample a sharpening filter, which subtracts a share of the neighbours' mean signal from each taxel."""
+    """Sample a sharpening filter, which subtracts a share of the neighbours' mean signal from each taxel.
+
+    The share is 0.6 at strength 1. Neighbours are the taxels of a board within a random distance, 6 to 12 mm.
+    """
     kernel = (skin.distance < rng.uniform(0.006, 0.012)).astype(np.float64)
     kernel /= np.maximum(kernel.sum(axis=0), 1.0)
     return lambda grasp, strength: grasp.signal - min(strength, 1.5) * 0.6 * (grasp.signal @ kernel)

@@ -60,9 +60,10 @@ def sample_walk(skin: SkinTable, rng: np.random.Generator) -> Injection:
 
 
 def sample_backlash(skin: SkinTable, rng: np.random.Generator) -> Injection:
-    """Sample a backlash: the output follows the signal only if it differs by more than a share of the maximum signal.
+    """Sample a backlash: the output changes only while the signal differs from the output by more than a width.
 
-    share: this share for a rising signal at strength 1; that for a falling signal is 0.3 times as large.
+    share: width for a rising signal at strength 1, as a share of the taxel's maximum signal. The width for a falling
+    signal is 0.3 times as large.
     """
     share = rng.uniform(0.15, 0.35)
 

@@ -44,7 +44,7 @@ class Stream:
 
 
 def make_stream(world: StreamWorld, reference: Path) -> Stream:
-    """Emulate a stream; write its reference contacts to the dataset `reference`.
+    """Emulate a stream (hours of use of a skin); write its reference contacts to the dataset `reference`.
 
     A stream with a fault is joined from two runs of the same skin, without and with the fault: the second run is used
     from the onset on. Plans without an equilibrium are replaced. Raises WorldNotMadeError after `MAX_ATTEMPTS` plans.

@@ -35,7 +35,7 @@ TEMPERATURE_SECONDS: Final = (900.0, 3000.0)
 
 
 def sample_streams(count: int, hours: float, seed: int | None = None) -> list[StreamWorld]:
-    """Sample the worlds of `count` streams. hours: length of each stream.
+    """Sample the worlds of `count` streams: hidden faults, their onsets, and seeds. hours: length of each stream.
 
     seed: seed for reproducible streams; None: random numbers of the operating system, as a sealed check requires.
     """
@@ -77,11 +77,13 @@ def _sample_stream(
 ) -> StreamWorld:
     """Sample the world of one stream.
 
-    kind: "none", "single" or "outside". cause_type: type of the fault; None: no fault. sealed: whether the salt is
-    secret; otherwise it follows from the seed.
+    kind: "none", "single" (a cause of the catalogue) or "outside" (another cause). cause_type: type of the fault; None:
+    no fault. sealed: whether the salt is secret; otherwise the salt follows from the seed. Half of the streams without
+    a fault have a lasting contact that is not announced.
     """
     strength = find_strength(float(rng.uniform(*FLOORS)))
     causes = () if cause_type is None else (cause_type.sample(rng, hand, strength),)
+    # Every skin has these deviations, also without a fault.
     nuisances = (
         f"gain electrode log_std={rng.uniform(0.005, 0.02):.4f}",
         f"drift wander counts={rng.uniform(*TEMPERATURE_COUNTS):.1f} seconds={rng.uniform(*TEMPERATURE_SECONDS):.0f}",

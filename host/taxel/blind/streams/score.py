@@ -57,7 +57,8 @@ def score_streams(results: Sequence[Result], out: Path) -> dict[str, Any]:
 def _score_fault(world: StreamWorld, result: Result) -> dict[str, Any]:
     """Score the result of one stream with a fault.
 
-    The first alarm after the onset is treated as its detection; without one, the values that depend on it are None.
+    The first alarm after the onset counts as the detection of the fault; the values that depend on this alarm are None
+    for an undetected fault. delay_contacts: number of contacts that ended between onset and alarm.
     """
     onset = result["start_s"] + (world.onset_s or 0.0)
     alarms = [event for event in result["events"] if event["event"] == "alarm" and event["time_s"] >= onset]
@@ -110,11 +111,11 @@ def _count_false_alarms(made: Sequence[tuple[StreamWorld, Result]]) -> tuple[flo
 
 
 def _score_names(found: Sequence[dict[str, Any]], count: int) -> dict[str, Any]:
-    """Score the named causes after `count` contacts, over all faults for which a cause was named then.
+    """Score the causes that the twin names `count` contacts after the onset. Faults without a cause then are left out.
 
     Returns the number of faults of the catalogue and the share in which the true cause is the most probable; the number
-    of faults outside the catalogue and the share reported as unknown; and the share of faults with a wrong statement. A
-    share without faults is None.
+    of faults outside the catalogue and the share reported as unknown; and the share of faults with a wrong statement: a
+    wrong cause with a probability of `FORBIDDEN` or more. A share is None if there are no such faults.
     """
     known = [one for one in found if str(count) in one["names"] and one["cause"] != UNKNOWN]
     unknown = [one for one in found if str(count) in one["names"] and one["cause"] == UNKNOWN]

@@ -88,13 +88,14 @@ class EmulatedEquilibrium:
             solution = self._solve(guess, share * force_n)
             slope = (solution - state) / np.log(share / previous) if previous else np.zeros(6)
             state, previous = solution, share
+            # The mount moves as far as the object, and further by the compression of its spring, force / stiffness.
             travels.append(float(state[:3] @ self._direction) + share * force_n / self._along)
             poses.append(self._compute_pose(state))
         # The mount does not move backwards at a snap-through.
         return EquilibriumPath(np.maximum.accumulate(travels), np.stack(poses))
 
     def _compute_pose(self, state: FloatArray) -> FloatArray:
-        """Compute the pose f64[4, 4] of the object, relative to which `state` is its motion from the pose at travel 0.
+        """Compute the pose f64[4, 4] of the object, world, after the motion `state` f64[6] from its pose at travel 0.
 
         state: translation state[:3], metres, and rotation vector state[3:], radians, about the point at which the mount
         holds the object.

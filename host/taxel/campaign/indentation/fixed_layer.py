@@ -76,6 +76,7 @@ class FixedSkinLayer:
         low, high = shape.bounds
         middle = object_pose[:3, :3] @ (0.5 * (low + high)) + object_pose[:3, 3]
         reach = 0.5 * float(np.linalg.norm(high - low)) + self.thickness_m + NEAR_M
+        # The quick test with the bounding sphere of the object leaves few springs for the slower test of the distance.
         ball = self.springs.select(np.sum((self.springs.point - middle) ** 2, axis=1) < reach**2)
         surface = ball.point + self.thickness_m * ball.normal - object_pose[:3, 3]
         return ball.select(shape.distance_bound(surface @ object_pose[:3, :3]) < NEAR_M)
@@ -105,4 +106,5 @@ class FixedSkinLayer:
         springs: those that the object can reach. Forces on the bare margin of a board belong to no taxel.
         """
         force = self.force(springs, self.depth(springs, shape, object_pose))
+        # Springs on the margin have taxel numbers from n on; the slice removes their sums.
         return np.asarray(np.bincount(springs.taxel, force, self.n_taxels)[: self.n_taxels], dtype=np.float64)

@@ -146,7 +146,7 @@ def _make_face_features(sharp: ConvexPolytope) -> list[Feature]:
     for normal, is_corner in zip(sharp.normals, _find_corners_on_faces(sharp), strict=True):
         corners = sharp.vertices[is_corner]
         middle = corners.mean(axis=0)
-        _, _, axes = np.linalg.svd(corners - middle)
+        _, _, axes = np.linalg.svd(corners - middle)  # axes[0]: direction of the largest extent
         along = axes[0] - (axes[0] @ normal) * normal
         along /= np.linalg.norm(along)
         features.append(Feature("face", normal, along, middle, float(np.abs((corners - middle) @ along).max())))
@@ -159,7 +159,7 @@ def _make_edge_features(sharp: ConvexPolytope) -> list[Feature]:
     for first in range(len(incidence)):
         for second in range(first + 1, len(incidence)):
             ends = sharp.vertices[incidence[first] & incidence[second]]
-            if len(ends) == 2:
+            if len(ends) == 2:  # two faces with an edge in common share exactly its two ends
                 outward = sharp.normals[first] + sharp.normals[second]
                 line = ends[1] - ends[0]
                 length = float(np.linalg.norm(line))

@@ -164,7 +164,7 @@ class PlacementSampler:
         suitable = [feature for feature in indenter.features if len(boards) == 1 or feature.kind != "edge"]
         feature = suitable[self._rng.integers(len(suitable))]
         target, outward, line = self._sample_target(boards)
-        if line is None:
+        if line is None:  # one board: random direction along the skin, random position on the feature, small tilt
             vector = self._rng.normal(size=3)
             line = vector - (vector @ outward) * outward
             slide = float(self._rng.uniform(-1, 1)) * min(MAX_SLIDE_M, feature.half_length_m)

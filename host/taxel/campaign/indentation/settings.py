@@ -41,7 +41,7 @@ def compute_poll_rate(hand: Hand, scl_hz: float) -> float:
 def choose_scl_frequency(hand: Hand) -> float:
     """Choose the lowest I2C clock, hertz, that reaches `MIN_ROW_RATE_HZ`; the highest clock if none reaches it.
 
-    A higher clock gives more frames, whose emulation only takes more time.
+    A higher clock than necessary would only give more frames, and their emulation would take longer.
     """
     sufficient = [scl_hz for scl_hz in I2C_MODES_HZ if compute_poll_rate(hand, scl_hz) >= MIN_ROW_RATE_HZ]
     return sufficient[0] if sufficient else I2C_MODES_HZ[-1]
@@ -56,7 +56,7 @@ def indentation_timeline(hand: Hand) -> Timeline:
 def indentation_settings(hand: Hand, **changes: Any) -> EmulatedSettings:
     """Make the settings of the emulated skin of `hand` on a rig: I2C clock and variation, no effects.
 
-    changes: values of other fields of `EmulatedSettings`, or values that replace these three.
+    changes: values of fields of `EmulatedSettings`; they also replace the I2C clock, the variation and the effects.
     """
     return replace(EmulatedSettings(variation=RIG_VARIATION, effects=(), scl_hz=choose_scl_frequency(hand)), **changes)
 

@@ -78,6 +78,7 @@ class SimulatedEquilibrium:
         self._mount_stiffness = np.zeros((6, 6))
         self._mount_stiffness[:3, :3] = mount.n_per_m * lateral
         self._mount_stiffness[3:, 3:] = mount.nm_per_rad * np.eye(3)
+        # Units of the three translations and the three rotations among the unknowns.
         self._unit = LENGTH_M * np.array([1.0] * 3 + [1.0 / ARM_M] * 3)
 
     def solve_path(self, force_n: float, levels: tuple[float, ...] = LEVELS) -> SimulatedPath:

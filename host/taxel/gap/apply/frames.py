@@ -102,8 +102,7 @@ class FrameTimeGrid(TimeGrid):
         """Return the time grid of K frames. time_s: times of the frames, f64[K], seconds. phase: u8[K].
 
         Each node is one frame and lasts until the next frame; the last node has the median duration. All frames form
-        one bin, because effects that act on frames use no bins; a time grid must have one, and its phase has no
-        meaning.
+        a single bin, because a time grid must have a bin. Effects that act on frames use neither the bin nor its phase.
         """
         since = time_s - time_s[0]
         last_duration = float(np.median(np.diff(since))) if len(since) > 1 else 0.0

@@ -49,7 +49,7 @@ def add_effects_to_grasp(
     if not np.isfinite(change).all():
         where = f"{pair.paths[1]}: /grasps/{grasp.id}/contact_force"
         raise GapInputError(where, "forces with finite counts", "larger forces", "correct contact_force")
-    if change.any():
+    if change.any():  # the signal is baseline minus raw count: an increase of the signal lowers the count
         raw = np.clip(np.rint(raw - change), 0, LARGEST_COUNT).astype(np.uint16)
     if is_stuck.any():
         raw = np.where(is_stuck, _compute_rest_counts(grasp), raw).astype(np.uint16)
@@ -69,8 +69,9 @@ def _compute_rest_counts(grasp: SimulatedGrasp) -> FloatArray:
 def compute_signal_change(state: State, effects: Sequence[ReportedEffect], streams: RandomStreams) -> FloatArray:
     """Return the change of the signal by effects in the K frames of one grasp, f64[K, n] (n taxels), counts.
 
-    Noise is omitted, because it does not change the mean signal. A latency here includes the common time shift of all
-    boards, because the frames have the simulator's own times.
+    Noise is omitted, because it does not change the mean signal. The report states delays relative to the simulation
+    after the time alignment, but the frames have the simulator's own times. The shift of the alignment (`shift_s`) is
+    therefore added to each delay.
     """
     signal = state.base
     for reported in effects:

@@ -100,8 +100,9 @@ def sample_drift(
     counts: a sampled slope, and deviation 0.
 
     values: f64[2, G], counts, mean slope and standard deviation between grasps. measured_share: mean share of the slope
-    that is reached in the phase in which the standard deviation was measured. relative_duration: duration of the grasp
-    divided by the time over which the slope was fitted.
+    that is reached in the phase in which the standard deviation was measured; the division by this share converts the
+    deviation to the end of the drift. relative_duration: duration of the grasp divided by the time over which the slope
+    was fitted.
     """
     sample = streams.sample_balanced(partial(_sample_normal, values.shape[1:]), DRIFT_STREAM)
     return np.stack([values[0] * relative_duration + values[1] * sample / measured_share, np.zeros(values.shape[1])])
@@ -138,6 +139,7 @@ def repeat_last_counts(
     raw: u16[T, n], counts of all frames. valid: bool[T, s], frames of each board that arrived. sensor: [n], column of
     each taxel's board in `valid`.
     """
+    # The running maximum of the rows of arrived frames is, at each frame, the row of the last frame that arrived.
     row = np.where(valid, np.arange(len(valid))[:, None], -1)
     last_row = np.maximum.accumulate(row, axis=0)[:, sensor]
     return np.where(last_row >= 0, np.take_along_axis(raw, np.maximum(last_row, 0), axis=0), 0).astype(np.uint16)

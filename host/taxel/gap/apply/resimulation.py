@@ -172,8 +172,10 @@ def read_features(fit_data: FitData, path: Path) -> FloatArray:
 
 
 def _measure_set(fit_data: FitData, effects: tuple[str, ...], features: FloatArray, path: Path) -> ResimulatedSet:
-    """Return gap before and after, floor and shrink of a simulation with effects. features: its features, f64[C, F, n]
-    (C conditions, F features, n taxels), counts.
+    """Return the gap without and with the effects, the floor, and the relative reduction of the gap (`shrink`).
+
+    effects: names of the effects. features: features of the simulation with these effects, f64[C, F, n] (C conditions,
+    F features, n taxels), counts. path: dataset of this simulation.
     """
     real, layout, before = fit_data.sessions, fit_data.layout, fit_data.state.mean
     gaps = [measure_gap(real, model, layout) for model in (before, features)]

@@ -120,17 +120,20 @@ class Calibration:
         """Compute the probability of every effect that was tried, of an unknown cause and of no gap.
 
         effects: inputs of each effect with evidence, f64[6] (`EffectEvidence.to_inputs`; element 2 is the logarithm of
-        its size in floors). remainder: f64[6] (`RemainderEvidence.to_inputs`).
+        the effect's gap divided by the floor). remainder: f64[6] (`RemainderEvidence.to_inputs`). tried: names of the
+        effects.
 
-        The probability of at least one cause, A, is that of `any_cause`. If the causes were independent, it would be
-        I = 1 - product of (1 - p); the probability of a cause, given that there is one, is p / I, and the result is
-        A p / I.
+        The model of each cause predicts its probability p independently of the other causes. Independent causes would
+        have the probability I = 1 - product of (1 - p) of at least one cause, and a cause would have the probability
+        p / I if there is at least one. The model `any_cause` predicts the probability A of at least one cause. The
+        result is A p / I.
         """
         odds = self.compute_odds(effects, remainder, tried)
         any_cause = self.any_cause.predict(compute_any_inputs(effects, remainder))
         # An effect is no cause if it alone produces less than half the floor (definition of the gap report).
         sizes = [effects[name][2] if name in effects else np.log(SMALLEST_CAUSE) for name in tried]
         size_probabilities = ndtr((np.array(sizes) - np.log(SMALLEST_CAUSE)) / SIZE_ERROR)
+        # An effect without evidence and the unknown cause (last element) have no size, and keep their probability.
         independent_probabilities = expit(odds) * np.append(
             np.where([name in effects for name in tried], size_probabilities, 1.0), 1.0
         )
@@ -176,8 +179,9 @@ def combine_inputs(effect: FloatArray, remainder: FloatArray) -> FloatArray:
 def compute_any_inputs(effects: Mapping[str, FloatArray], remainder: FloatArray) -> FloatArray:
     """Return the inputs of `Calibration.any_cause`, f64[3].
 
-    They are the logarithm of the gap in floors, the largest gain of an effect (0 without effects), and the positive
-    part of this logarithm. effects: inputs f64[6] of each effect. remainder: inputs f64[6].
+    They are the logarithm of the ratio of gap to floor, the largest gain of an effect (0 without effects), and the
+    positive part of this logarithm. effects: inputs f64[6] of each effect; element 1 is the gain. remainder: inputs
+    f64[6]; element 0 is the logarithm.
     """
     gain = max((values[1] for values in effects.values()), default=0.0)
     return np.array([remainder[0], gain, max(float(remainder[0]), 0.0)])

@@ -98,7 +98,7 @@ class CandidateSearch:
             if not size:
                 for composite, _ in coarse_fits:
                     single_fits.setdefault(composite.names[0], composite.fitted_effects[0])
-            number_of_fits = self._settings.candidates[min(size, 1)]
+            number_of_fits = self._settings.candidates[min(size, 1)]  # element 0: first iteration, 1: all others
             # Effects that are found by inspection cost no fit: they are always compared.
             composites = [
                 composite
@@ -129,7 +129,8 @@ class CandidateSearch:
         for fitted_effect in composite.fitted_effects:
             if fitted_effect.effect.name in INSPECTED_EFFECTS:
                 continue
-            total -= math.log(len(fitted_effect.effect.change_errors))  # the density selects one of them
+            # The density selects the best of the possible relative errors, each of which has the same prior.
+            total -= math.log(len(fitted_effect.effect.change_errors))
             if fitted_effect.effect.scope != HAND:
                 total += math.log(settings.local_odds)
             trend = compute_load_trend(self._fit_data.state, fitted_effect)
@@ -221,9 +222,11 @@ class CandidateSearch:
 
 
 def find_uncertain_change(state: State, composite: CompositeModel, features: FloatArray) -> UncertainChange:
-    """Return the change of the features by those effects of a composite model that predict with a relative error.
+    """Return the part of the predicted features that is due to effects with an uncertain prediction.
 
-    features: f64[C, F, n] (C conditions, F features, n taxels), the prediction of the whole model.
+    These are the effects of the composite model with several possible relative errors (`Effect.change_errors`); the
+    result contains the errors of all of them. features: f64[C, F, n] (C conditions, F features, n taxels), the
+    prediction of the whole model.
     """
     uncertain = [one for one in composite.fitted_effects if len(one.effect.change_errors) > 1]
     if not uncertain:

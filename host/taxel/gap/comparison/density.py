@@ -71,6 +71,7 @@ class BlockDensity:
         self._used_variance = np.where(is_used, variance, 1.0)
         self._weight = self._share / self._used_variance
         sensor = fit_data.state.pair.groups.sensor
+        # Matrix of zeros and ones, [n, s], that sums over the taxels of each board.
         self._boards = (sensor[:, None] == np.arange(int(sensor.max()) + 1)).astype(np.float64)
         self._total = self._sum_blocks(self._share)
         self._log_variance = self._average_blocks(self._share * np.log(variance))
@@ -116,8 +117,8 @@ class BlockDensity:
 
         A block contains the features of one family, such as signal or noise, on one board in one condition.
 
-        uncertain: part of the predicted features with a relative error. The result is that of the error with the
-        largest sum over the blocks.
+        uncertain: part of the predicted features with a relative error. Of its possible errors, the error with the
+        largest sum of log densities over the blocks is used.
         """
         densities = [self._compute_one_density(features, uncertain.change, error) for error in uncertain.errors]
         return max(densities, key=lambda density: float(density.sum()))
@@ -133,6 +134,7 @@ class BlockDensity:
         if change is not None and error > 0.0:
             variance = self._used_variance + (error * change) ** 2
             weight = self._share / variance
+            # The normalisation of the density decreases with the variance.
             log_ratio = self._average_blocks(self._share * np.log(variance / self._used_variance))
         deviations = self._average_blocks(weight * (self._fit_data.target - features) ** 2)
         density = -0.5 * (degrees_of_freedom + dimensions) * np.log1p(dimensions * deviations / degrees_of_freedom)
@@ -147,7 +149,7 @@ class BlockDensity:
         """
         dimensions = np.array(self._settings.dimensions)
         density = self.compute_log_density(features) - 0.5 * dimensions * self._log_variance
-        return float(density[..., 0].sum())
+        return float(density[..., 0].sum())  # family 0: signal
 
     def _average_blocks(self, values: FloatArray) -> FloatArray:
         """Compute the means of weighted values f64[C, F, n] (C conditions, F features, n taxels) over each block,

@@ -61,8 +61,10 @@ class EffectEvidence:
         """Return the six inputs of the calibration, f64[6].
 
         They are the log odds of the weight; the logarithms of gain, size and share; the logarithm of the size relative
-        to the smallest cause, at most 0; the logarithm of the number of parameters.
+        to the smallest cause, at most 0; the logarithm of the number of parameters. The gain is scaled to
+        `USUAL_BLOCKS` loaded blocks, because the gain grows with the size of the dataset.
         """
+        # The term 1e-3 keeps the log odds finite for the weights 0 and 1.
         odds = np.log((self.weight + 1e-3) / (1.0 - self.weight + 1e-3))
         gain = np.log1p(max(self.gain, 0.0) * USUAL_BLOCKS / max(self.blocks, 1))
         size, share = (np.log(max(value, SMALLEST_RATIO)) for value in (self.size, self.share))
@@ -98,7 +100,8 @@ class RemainderEvidence:
         """Return the six inputs of the calibration, f64[6]: logarithms of before, after, deviation, common, size and
         gain.
 
-        The first input is also an input of the probability of any cause.
+        The first input is also an input of the probability of any cause. The gain is scaled to `USUAL_BLOCKS` loaded
+        blocks, because the gain grows with the size of the dataset.
         """
         ratios = np.array([self.before, self.after, self.deviation, self.common, self.size])
         gain = np.log1p(max(self.gain, 0.0) * USUAL_BLOCKS / max(self.blocks, 1))
@@ -144,7 +147,7 @@ def collect_remainder(fit_data: FitData, gap: Gap, best: Candidate, density: Blo
     repeats2 = density.compute_simulated_floor2()
     floor = max(float(np.hypot(gap.floor, np.sqrt(repeats2))), SMALLEST_FLOOR)
     before_floors, after_floors = (np.sqrt(max(one.excess.value - repeats2, 0.0)) / floor for one in (gap, after))
-    deviations = density.compute_deviations(best.features)[..., 0]
+    deviations = density.compute_deviations(best.features)[..., 0]  # family 0: signal
     load, is_loaded = _compute_loads(fit_data)
     deviation = float((deviations * load).sum() / max(load.sum(), np.finfo(float).tiny))
     excess = after.terms.excess[:, : fit_data.layout.bins].sum(axis=(1, 2))

@@ -47,6 +47,7 @@ def predict_remainder(fit_data: FitData, in_sample: FloatArray, held_out: FloatA
     folds = fit_data.taxel_folds
     for board in (layout.taxels for layout in pair.boards):
         board_functions = functions[:, :, :, board]
+        # Normal equations for each condition and taxel. Axes: p, q functions; c conditions; f time bins; n taxels.
         weighted = board_functions * weight[None, :, :, board]
         system = np.einsum("pcfn,qcfn->cnpq", weighted, board_functions, optimize=True)
         gradient = np.einsum("pcfn,cfn->cnp", weighted, deviation[:, :, board], optimize=True)
@@ -112,7 +113,7 @@ def _build_neighbour_means(fit_data: FitData) -> FloatArray:
         count = min(NEIGHBOURS, len(board.taxels) - 1)
         if count < 1:
             continue
-        nearest = np.argsort(board.distance_m, axis=1)[:, 1 : count + 1]
+        nearest = np.argsort(board.distance_m, axis=1)[:, 1 : count + 1]  # without column 0, the taxel itself
         for column, rows in zip(board.taxels, nearest, strict=True):
             result[board.taxels[rows], column] = 1.0 / count
     return result

@@ -56,7 +56,10 @@ def check_agreement(
     sim_means: HoldMeans,
     directions: tuple[Direction, Direction],
 ) -> list[str]:
-    """Check that two datasets agree, and return sentences for the report. Raises GapInputError for contradictions.
+    """Check that two datasets describe the same sensor in the same units, and return sentences for the report.
+
+    Raises GapInputError if the taxels, the declared units and directions, the sizes and signs of the signals, or the
+    orders of the taxels contradict each other.
 
     real_means, sim_means: means in hold of the two datasets. directions: direction in which contact changes the values
     of the real and of the simulated dataset. The sentences state an offset of the rest values (values without contact),
@@ -130,7 +133,10 @@ def _check_declarations(
 def _check_ratio(
     real: GeneralDataset, sim: GeneralDataset, paths: tuple[str, str], signals: tuple[FloatArray, FloatArray]
 ) -> None:
-    """Raise GapInputError for signals of different size without a unit in both files, and for opposite signs.
+    """Raise GapInputError if the signals of the two files have different sizes or opposite signs.
+
+    Sizes that differ by more than the factor `MAX_SIGNAL_RATIO` indicate different units; they are accepted if both
+    files declare their unit.
 
     signals: mean signals in hold of the real and of the simulated dataset, [C, m] each, for C conditions and m taxels.
     """
@@ -170,6 +176,7 @@ def _check_order(paths: tuple[str, str], real: FloatArray, sim: FloatArray) -> l
     if conditions < MIN_CONDITIONS or patterns < MIN_CONDITIONS:
         return [f"the contacts do not determine the order of the taxels: {unnoticed}"]
     x, y = np.nan_to_num(real).T, np.nan_to_num(sim).T
+    # With equal norms, a common factor between the two files does not count as a difference.
     y = y * (np.linalg.norm(x) / max(float(np.linalg.norm(y)), 1e-300))
     cost = np.maximum((x**2).sum(axis=1)[:, None] + (y**2).sum(axis=1) - 2.0 * x @ y.T, 0.0)
     rows, best = linear_sum_assignment(cost)
@@ -181,7 +188,7 @@ def _check_order(paths: tuple[str, str], real: FloatArray, sim: FloatArray) -> l
     is_wrong = is_unexplained & (cost_moved < MAX_EXCHANGED_SHARE * cost_in_place) & is_loaded
     wrong = moved[is_wrong]
     exchanged = [k for k in wrong.tolist() if best[k] in wrong]
-    if len(exchanged) >= 2:
+    if len(exchanged) >= 2:  # an exchange involves at least two taxels
         first = exchanged[0]
         found = f"signals of taxel {int(best[first])} at taxel {first}, and {len(exchanged) - 1} more"
         expected = f"the order of the taxels of {paths[1]}"

@@ -97,5 +97,5 @@ def compute_pitch_m(position: FloatArray, size: FloatArray) -> float:
     if len(position) < 2:
         return float(size.mean())
     distance_m = np.linalg.norm(position[:, None] - position, axis=2)
-    distance_m[distance_m == 0] = np.inf
+    distance_m[distance_m == 0] = np.inf  # the taxel itself, and taxels at the same position
     return float(np.median(distance_m.min(axis=1)))

@@ -84,9 +84,10 @@ class CountsDataset:
 def make_tables(data: GeneralDataset, missing_inputs: frozenset[str]) -> tuple[TaxelTable, SensorTable, IntArray]:
     """Return the tables of taxels and sensors of the real file, and the sensor of each taxel, i64[n] (n taxels).
 
-    Each component of a vector taxel becomes a taxel, and the components of one axis form a sensor, so only equal
-    components are neighbours. missing_inputs: optional data that the files lack; without positions the taxels get
-    positions far from each other. Raises GapInputError for too many sensors or lines (`MAX_NUMBER`).
+    Each component (x, y or z) of a vector taxel becomes a taxel. The components of the same axis form a sensor, so an x
+    component, for example, has only x components as neighbours. missing_inputs: optional data that the files lack;
+    without positions the taxels get positions far from each other. Raises GapInputError for too many sensors or lines
+    (`MAX_NUMBER`).
     """
     places, n = data.header.places, data.n
     axes = AXES if data.is_vector else 1
@@ -168,6 +169,7 @@ def _convert_contact(contact: Contact, factor: float, index: tuple[IntArray, int
         valid[:, number] = ~missing[:, is_on_sensor].all(axis=1)
     poses = np.tile(np.eye(4), (sensors, 1, 1))
     if contact.sensor_pose is not None:
+        # The component sensors (x, y, z) of a vector sensor have the same pose.
         axes = sensors // len(contact.sensor_pose)
         poses = np.repeat(contact.sensor_pose, max(axes, 1), axis=0)
     return CountsGrasp(

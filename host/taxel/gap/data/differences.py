@@ -69,6 +69,7 @@ def _describe_poses(real: Poses, sim: Poses, conditions: Sequence[tuple[str, str
     real_position, real_rotation = _transform_to_brackets(*real)
     sim_position, sim_rotation = _transform_to_brackets(*sim)
     distance_m = np.linalg.norm(real_position - sim_position, axis=-1).min(axis=1)
+    # The trace of the relative rotation R1^T R2 is 1 + 2 cos(angle).
     trace = np.einsum("csij,csij->cs", real_rotation, sim_rotation)
     angle_deg = _convert_to_degrees(0.5 * (trace - 1.0)).min(axis=1)
     different = np.flatnonzero((distance_m > POSITION_TOLERANCE_M) | (angle_deg > ROTATION_TOLERANCE_DEG))

@@ -48,7 +48,8 @@ def make_simulated_state(
 ) -> State:
     """Return the state of the simulation on which effects act.
 
-    simulated: mean features of the simulated sessions. pair_shares: see `estimate_pair_shares`, f64[5]; None: 1.
+    simulated: mean features of the simulated sessions. pair_shares: f64[5], factors on the variance of the mean for
+    each family of features, from `estimate_pair_shares`; None: 1.
     """
     # With two real recordings, the floor already contains the variance of the second recording.
     variance = None if pair.is_real_real else simulated.mean_variance.copy()

@@ -157,7 +157,7 @@ def _reduce_grasp(
     phase_time_s = compute_phase_time(grasp.timestamp, phase)
     frames, lacks_baseline = count_baseline_frames(data, grasp, valid)
     is_baseline = valid & (phase == Phase.BASELINE)[:, None] & ~lacks_baseline
-    is_baseline &= np.cumsum(is_baseline, axis=0) <= frames
+    is_baseline &= np.cumsum(is_baseline, axis=0) <= frames  # the first `frames` baseline frames of each board
     raw = grasp.raw_counts.astype(np.float64)
     baseline = _compute_masked_mean(raw, is_baseline, groups.sensor)
     signal_counts = baseline - raw

@@ -44,10 +44,10 @@ class BaselineDrift(Effect):
         return signal.with_signal_counts(state.to_signal_counts(signal) + slope * elapsed_share)
 
     def apply_to_features(self, state: State, features: FloatArray, values: FloatArray) -> FloatArray:
-        """Return the features with the drift residual r of unloaded taxels increased.
+        """Return the features with an increased drift residual r of unloaded taxels.
 
-        It becomes the root of r^2 + `slope`^2 + `scatter`^2. features: f64[C, F, n] (C conditions, F features, n
-        taxels), returned themselves if all values are 0. values: f64[2, G], `slope` and `scatter` of each of G blocks
+        The new residual is the root of r^2 + `slope`^2 + `scatter`^2. features: f64[C, F, n] (C conditions, F features,
+        n taxels), returned themselves if all values are 0. values: f64[2, G], `slope` and `scatter` of each of G blocks
         (the hand, or each board).
         """
         if not values.any():

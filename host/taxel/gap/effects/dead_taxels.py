@@ -96,6 +96,7 @@ def find_dead_lines(
                 on_board = (sensor == board) & can_be_judged
                 if on_line.sum() >= 2 and dead[on_line].all() and not dead[on_board].all():
                     lines.append((board, axis, index))
+    # A removed line may uncover dead taxels beside another line, so the check is repeated until no line is removed.
     while True:
         on_lines = np.zeros(len(dead), bool)
         for line in lines:

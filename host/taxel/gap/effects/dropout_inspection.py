@@ -114,17 +114,22 @@ def _subtract_common_drift(state: State, real: SessionMeans, features: FloatArra
 def _compute_responses(
     state: State, real: SessionMeans, features: FloatArray
 ) -> tuple[FloatArray, NDArray[np.bool_], FloatArray]:
-    """Return the response of each taxel, whether it is significantly missing, and the expected signals.
+    """Return the response of each taxel, whether the response is significantly missing, and the expected signals.
 
-    real: measured features. features: f64[C, F, n] (C conditions, F features, n taxels), expected features. The
-    returned tuple contains: the response, which is the measured divided by the expected signal, mean over the sessions,
-    f64[n], NaN without expected signal; whether the response is significantly missing, bool[n]; the largest expected
-    signal in each condition, f64[C, n], counts.
+    real: measured features. features: f64[C, F, n] (C conditions, F features, n taxels), expected features.
+
+    The returned arrays are:
+
+    - Response, f64[n]: ratio of measured to expected signal, mean over the sessions; NaN without expected signal.
+    - Whether the response is significantly missing, bool[n].
+    - Largest expected signal in each condition, f64[C, n], counts.
     """
     expected = features[:, : state.layout.bins]
     weight = state.layout.weight[: state.layout.bins, None]
     measured = np.nan_to_num(real.value[:, :, : state.layout.bins])
     is_known = np.isfinite(real.value[:, :, : state.layout.bins])
+    # Ratio of measured to expected signal in each session, by weighted least squares. Axes: c conditions, s sessions,
+    # f time bins, n taxels.
     power = np.einsum("csfn,cfn->sn", is_known * weight, expected**2)
     with np.errstate(invalid="ignore", divide="ignore"):
         ratio = np.einsum("csfn,cfn->sn", weight * measured, expected) / power

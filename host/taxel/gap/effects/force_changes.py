@@ -51,8 +51,9 @@ def apply_change(state: State, signal: Signal, change: FloatArray) -> Signal:
     the force that it gains, newtons, at the net forces `LEVELS` of its board. Between two levels the change is
     interpolated linearly.
 
-    A decrease is a share and not a difference, because the simulated force deviates from the force by geometry: a taxel
-    without contact then has no force.
+    A decrease is stated as a share, because the changes are computed from meshes and depths, whose forces deviate from
+    the simulated forces. A taxel that loses contact (share 0) then has exactly no force, which a difference of two
+    different forces would not ensure.
     """
     assert signal.force is not None
     kept_weights, gained_weights = _compute_level_weights(state, signal)
@@ -82,6 +83,7 @@ def _compute_level_weights(state: State, signal: Signal) -> tuple[FloatArray, Fl
     right = np.clip(np.searchsorted(LEVELS, level), 1, len(LEVELS) - 1)
     share = np.clip((level - LEVELS[right - 1]) / (LEVELS[right] - LEVELS[right - 1]), 0.0, 1.0)[..., None]
     number = np.arange(len(LEVELS))
+    # Linear interpolation: weight `share` for the level on the right, 1 - `share` for the level before it.
     kept_weights = np.where(right[..., None] == number, share, 0.0) + np.where(
         right[..., None] == number + 1, 1.0 - share, 0.0
     )

@@ -184,8 +184,8 @@ class ContactGeometry:
         scale = np.array([scales.get(number, 1.0) for number in numbers])
         hold_force = np.array([self.contacts[number].force.sum() for number in numbers])
         extra = np.array([extra_forces.get(number, 0.0) for number in numbers])
-        # A displaced object is held aside from the first touch on, at which a board carries hardly any force: the full
-        # extra force applies at every level, and a lower limit keeps the net force positive.
+        # The mount deflects a displaced object from the first touch on. The full extra force therefore applies at every
+        # level, and a lower limit keeps the net force positive.
         net = np.maximum(LEVELS * hold_force[:, None] + extra[:, None], MIN_FORCE_SHARE * LEVELS * hold_force[:, None])
         pressures = solve_board_pressures(self.piece_law, depths, net / scale[:, None])
         return [factor * pressure.mean(axis=2) for factor, pressure in zip(scale, pressures, strict=True)]

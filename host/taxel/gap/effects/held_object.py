@@ -44,10 +44,10 @@ class Push:
 
 
 def find_coupled_pushes(conditions: Mapping[int, Sequence[Push]]) -> list[list[Push]]:
-    """Return the pushes of each condition in which several boards push an object in about the same direction.
+    """Return the pushes of each simulated contact in which several boards push an object in about the same direction.
 
-    conditions: all pushes by index of the condition. Omitted are conditions with one board, and conditions in which the
-    boards clamp the object between them (`MIN_NET_PUSH_RATIO`).
+    conditions: all pushes of each simulated contact, by its index. The result omits contacts with one board, and
+    contacts in which the boards clamp the object between them (`MIN_NET_PUSH_RATIO`).
     """
     coupled = []
     for pushes in conditions.values():

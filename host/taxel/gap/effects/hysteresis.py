@@ -49,11 +49,12 @@ class Hysteresis(Effect):
         return bool((values[1] > MAX_TIME_CONSTANT_RATIO * state.node_times_s[-1]).all())
 
     def apply(self, state: State, signal: Signal, values: FloatArray) -> Signal:
-        """Return the signal with the late share of the form's quantity; `signal` itself if all fractions are 0.
+        """Return the signal after a fraction of a quantity has passed a low-pass filter and is therefore late.
 
         values: f64[2, G], late fraction and time constant in seconds of each of G blocks (the hand, or each board,
-        object or taxel). The quantity of each form: `force`: the force; `drop`: the signal; `depth`: the depth of the
-        layer; `gap`: the closed share of a plate capacitor's gap. `more` adds the late force to the force instead.
+        object or taxel). The form determines the quantity: the force (`force`), the signal (`drop`), the depth of the
+        layer (`depth`), or the closed share of a plate capacitor's gap (`gap`). The form `more` adds the filtered
+        fraction of the force to the whole force. If all fractions are 0, `signal` itself is returned.
         """
         if not values[0].any():
             return signal

@@ -62,7 +62,9 @@ class ForceDepthLaw:
 
     @cached_property
     def _extrapolated(self) -> tuple[FloatArray, FloatArray]:
-        """Depth and force with an additional point on the tangent at the last point."""
+        """Depth and force of the law with one more point far beyond the last one, on the line through the last two
+        points, so that `np.interp` extrapolates linearly.
+        """
         slope = (self.force_n[-1] - self.force_n[-2]) / (self.depth_m[-1] - self.depth_m[-2])
         return np.append(self.depth_m, self.depth_m[-1] + EXTRAPOLATION_M), np.append(
             self.force_n, self.force_n[-1] + slope * EXTRAPOLATION_M
@@ -181,6 +183,7 @@ def solve_board_pressures(law: ForceDepthLaw, depths: Sequence[FloatArray], net_
 def _solve_batch(law: ForceDepthLaw, depths: Sequence[FloatArray], net_forces: FloatArray) -> list[FloatArray]:
     """Return the result of `solve_board_pressures` for the boards of one batch, which are solved together."""
     deepest = np.array([depth.max() for depth in depths])
+    # At the largest shift the deepest piece lies `CONTACT_RANGE_M` beyond the last point of the law.
     max_shift = -deepest + float(law.depth_m[-1]) + CONTACT_RANGE_M
     is_near = [depth + shift > 0.0 for depth, shift in zip(depths, max_shift, strict=True)]
     near_depth = np.concatenate([depth[near] for depth, near in zip(depths, is_near, strict=True)])

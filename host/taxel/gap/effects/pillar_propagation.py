@@ -93,8 +93,9 @@ def compute_gained_force(board: BoardLayout, pressure: FloatArray, reach_m: floa
     """Return the force that the taxels of a board gain at each of the L `FORCE_LEVELS`, newtons, f64[L, m] (m taxels of
     the board).
 
-    The depth of a piece is at least the depth of each other piece minus a decrease that is proportional to the
-    distance; the gained force is the force of this depth minus the own force of the piece.
+    A force F presses a piece to the share F / (F + half_depth_n) of the greatest depth. The depth of a piece is at
+    least the depth of each other piece minus a decrease that is proportional to the distance. The gained force is the
+    force of this depth minus the own force of the piece.
 
     pressure: f64[m, 9], newtons, of the pieces at the level 1: the force of a taxel whose whole area has this pressure.
     reach_m: distance over which the greatest depth decreases to 0, metres. half_depth_n: force of half the greatest

@@ -77,7 +77,7 @@ class PoseError(Effect):
                 motion = motions[block]
                 if self.scope == OBJECT:
                     mounts[number] = 1e3 * float(values[MOUNT, block])
-                else:
+                else:  # convert the motion from the bracket frame to the object frame
                     motion = contact.object_from_board @ motion @ contact.board_from_object
                 board_motions[number] = motion
         return assemble_change(

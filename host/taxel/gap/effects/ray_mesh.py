@@ -50,6 +50,7 @@ def _compute_triangle_separation(triangles: FloatArray, points: FloatArray, dire
     normal, second_moment, first_moment = np.cross(first, second), np.cross(second, corner), np.cross(corner, first)
     level = np.einsum("ti,ti->t", corner, normal)
     nearest = np.full(len(points), np.inf)
+    # Blocks of rays limit the memory; the number of blocks, -(-a // b), is rounded up.
     for rows in np.array_split(np.arange(len(points)), -(-len(points) * len(triangles) // MAX_RAY_TRIANGLE_PAIRS) or 1):
         ray, moment = directions[rows], np.cross(points[rows], directions[rows])
         determinant = -(ray @ normal.T)

@@ -42,8 +42,9 @@ class Saturation(Effect):
     def apply(self, state: State, signal: Signal, values: FloatArray) -> Signal:
         """Return the limited signal; `signal` itself if all limits are neutral. values: f64[1, G] (G blocks: the hand,
         boards, objects or taxels), limit of each block, counts; the neutral value is 1e6. The limit is sharp in the
-        form `clip` and gradual, x c / (x + c), in the form `soft`. It acts on the mean signal of all simulated contacts
-        (`State.mean_difference`).
+        form `clip` and gradual, x c / (x + c), in the form `soft`. A limit is nonlinear and must therefore act on the
+        mean signal of all simulated contacts of a condition; the state contains only some of them, and
+        `State.mean_difference` is the difference between the two mean signals.
         """
         if (values >= 1e6).all():
             return signal

@@ -54,6 +54,8 @@ def find_shorts(state: State, real: SessionMeans, features: FloatArray) -> tuple
                 squared_difference = float(np.sum(weight * (measured[:, :, first] - measured[:, :, second]) ** 2))
                 if squared_difference > MAX_DIFFERENCE_SHARE * float(np.sum(weight * difference**2)):
                     continue
+                # Each of the two lines measures `share` times the expected sum, so their measured sum is twice as
+                # large.
                 measured_total = measured[:, :, first] + measured[:, :, second]
                 share = 0.5 * float(np.sum(weight * measured_total * total) / np.sum(weight * total**2))
                 limit = float(measured[:, :, sensor == address].max())

@@ -68,9 +68,9 @@ class Sticking(Effect):
 def convert_to_lag_parameters(values: FloatArray, frame_s: float, duration_s: float) -> tuple[float, float]:
     """Return the parameters `fraction` and `seconds` of the other forms of hysteresis that correspond to a creep.
 
-    The fraction is the creep that arrives between one frame period and the end of the record; half of it arrives within
-    `seconds`. values: play and creep, f64[2, 1]. frame_s: frame period, seconds. duration_s: duration of the record,
-    seconds.
+    The fraction is the creep between one frame period and the end of the record. The creep is logarithmic in time, so
+    half of this fraction is reached at the geometric mean of both times, `seconds`. values: play and creep, f64[2, 1].
+    frame_s: frame period, seconds. duration_s: duration of the record, seconds.
     """
     return float(values[1, 0]) * float(np.log10(duration_s / frame_s)), float(np.sqrt(frame_s * duration_s))
 

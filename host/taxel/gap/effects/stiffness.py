@@ -36,8 +36,8 @@ class Stiffness(Effect):
 
     def apply(self, state: State, signal: Signal, values: FloatArray) -> Signal:
         """Return the signal with the force law scaled; `signal` itself if all scales are 1, or if the forces are
-        already converted to counts. values: f64[1, G], scale of the half force of each of G blocks (the hand, or each
-        board, object or taxel).
+        already converted to counts. values: f64[1, G], factor on the force at half the full scale for each of G blocks
+        (the hand, or each board, object or taxel).
         """
         if (values == 1.0).all() or signal.signal_counts is not None:
             return signal
@@ -55,8 +55,8 @@ class Sinking(Stiffness):
 
     def apply(self, state: State, signal: Signal, values: FloatArray) -> Signal:
         """Return the signal with new contact forces and a scaled force law; `signal` itself if all scales are 1,
-        without contact forces, or if the forces are already converted to counts. values: f64[1, G], scale of the half
-        force of each of G blocks (the hand, or each board, object or taxel).
+        without contact forces, or if the forces are already converted to counts. values: f64[1, G], factor on the force
+        at half the full scale for each of G blocks (the hand, or each board, object or taxel).
         """
         if (values == 1.0).all() or signal.force is None or signal.signal_counts is not None:
             return signal

@@ -81,10 +81,10 @@ def read_findings(path: Text, show: ProgressCallback = ignore_progress) -> Findi
 def _read_first_rival(
     report: CheckedReport, reported: ReportedGap, confounded: Mapping[str, Sequence[str]]
 ) -> tuple[ReportedEffect, ...]:
-    """Return the first effect with a confounded effect as a tuple of length 1; for a report that names no effect.
+    """Return the first effect with a confounded effect as a tuple of length 1.
 
-    The tuple is empty if no effect is confounded with another one, or if the report does not contain the fitted model
-    of the first such effect.
+    This effect takes the place of the named effects if the report names none. The tuple is empty if no effect is
+    confounded with another one, or if the report does not contain the fitted model of the first such effect.
     """
     name = next(iter(confounded), None)
     entry = next((effect for effect in report.effects if effect.text("name") == name), None)

@@ -80,9 +80,10 @@ class AddedInformation:
         return lu_factor(np.eye(len(self.value_indices)) + self.matrix @ self.prior_covariance, check_finite=False)
 
     def solve(self, right: FloatArray) -> FloatArray:
-        """Return (N^-1 + C)^-1 times `right`, f64[q, ...], with the prior covariance C.
+        """Return (N^-1 + C)^-1 times `right`, f64[q, ...].
 
-        The Woodbury identity avoids the inverse of N, which can be singular.
+        N is the information `matrix` of the further contact, and C the covariance of the q values after the recorded
+        contacts. The Woodbury identity avoids the inverse of N, which can be singular.
         """
         if not len(self.value_indices):
             return np.zeros_like(right)
@@ -174,6 +175,8 @@ class RemainingDifference:
         difference: f64[F, n] (F features, n taxels), difference of the features of the two models in the further
         contact, counts. This is the criterion T of Atkinson and Fedorov (1975), linearised about the fit.
         """
+        # The values adapt to the differences on all contacts. `explained` is the reduction of the squared length if
+        # only the recorded contacts limit the adaptation; the term of `solve` adds the limit by the further contact.
         index, added_gradient = added.value_indices, added.compute_gradient(difference)
         adaptation = self._adaptation[index] + added.prior_covariance @ added_gradient
         explained = float(self.gradient @ self._adaptation + added_gradient @ (self._adaptation[index] + adaptation))
@@ -226,6 +229,7 @@ class CandidatePrediction:
         columns = []
         for column, number in zip(self.columns, self.value_indices, strict=True):
             blocks = column.blocks[contact]
+            # Information of the contact on each value of the parameter.
             excited = np.bincount(blocks, np.sum(contact_weight * column.change[contact] ** 2, axis=0), column.count)
             active = np.flatnonzero((number >= 0) & (excited * variance[np.maximum(number, 0)] > MIN_VARIANCE_SHARE))
             if not len(active):

@@ -135,9 +135,9 @@ class _ContactRanker:
     def __init__(self, findings: Findings) -> None:
         """Prepare the open questions: the standard errors of the parameter values, and the confounded pairs.
 
-        `_error2`: squared standard errors of the values, by the jackknife over sessions if it is known. `_sufficient2`:
-        squared errors that are sufficient. `_pairs`: for each confounded pair the part of the difference of its models
-        that remains on the recorded contacts.
+        `_error2`: squared standard errors of the values, from the jackknife over sessions where possible, otherwise
+        from the fit. `_sufficient2`: squared errors that are sufficient. `_pairs`: for each confounded pair the part of
+        the difference of its models that remains on the recorded contacts.
         """
         fit_data = findings.fit_data
         self._fit_data, self._variance = fit_data, ContactVariance.estimate(fit_data)
@@ -153,7 +153,7 @@ class _ContactRanker:
             difference = np.nan_to_num(other.features - self._named.features)
             remaining = self._named.compute_remaining(difference), other.compute_remaining(difference)
             self._pairs.append(_ConfoundedPair(names, other, remaining))
-        # If nothing else is open, the ranking improves parameters that are already well determined.
+        # If all errors suffice and no effects are confounded, a limit of 0 ranks contacts by further error reduction.
         self._sufficient2 = (
             np.zeros_like(sufficient2) if self._are_errors_sufficient and not self._pairs else sufficient2
         )
@@ -184,6 +184,7 @@ class _ContactRanker:
         ranked = []
         for number, contact in enumerate(batch.contacts):
             added = named.compute_added(number, weight)
+            # The two models differ only as far as neither of them can adapt to the other: the smaller distance counts.
             squared_after = [
                 min(
                     pair.remaining[0].compute_squared_length_after(added, difference[number]),

@@ -48,6 +48,7 @@ def read_unrecorded(
         new = replace(pair, conditions=conditions, objects=meshes, sensor_poses=brackets, object_poses=objects)
         numbers = {key: index for index, key in enumerate(conditions)}
         recording = read_recording(simulated, grasps, numbers, pair.time_grid, pair.groups, columns, progress)
+    # The real recording lacks these approaches; the simulated recording takes its place.
     new = replace(new, real=recording, sim=recording)
     return make_simulated_state(new, compute_recording_means(new, recording, state.layout), state.layout).shift_time(
         state.shift_s

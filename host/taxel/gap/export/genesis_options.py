@@ -139,12 +139,13 @@ def _build_options(
         if step["kind"] == "scale":
             gain = gain * step["factor"][order]
         elif step["kind"] == "half_force":
-            gain = gain / step["factor"][order]
+            gain = gain / step["factor"][order]  # the slope of a small signal is inverse to the force at half scale
         elif step["kind"] in ("mix_force", "mix_signal"):
             matrix = matrix @ _reorder_matrix(step, order)
             kernel = compute_grid_kernel(source.report.tx[order], source.report.rx[order], matrix)
     entries = []
     if (gain != 1.0).any():
+        # Genesis' gain scales the depth, and the force is the depth to the power NORMAL_EXPONENT.
         values = [round_number(float(one)) for one in np.maximum(gain, DEAD_GAIN)]
         entries.append(("probe_gain", f"[gain ** (1.0 / NORMAL_EXPONENT) for gain in {values}]"))
     slope = _compute_counts_per_newton(source, order)
@@ -154,7 +155,7 @@ def _build_options(
             entries.append(("noise", f"{round_number(float(deviation.mean()))}"))
         drift = next((step for step in translation.steps if step["kind"] == "drift"), None)
         if drift is not None:
-            # The bias is the mean of a drift that increases linearly from 0 to `slope`: half of it.
+            # The bias is the mean of a drift that increases linearly from 0 to `slope`: half of `slope`.
             bias = 0.5 * float(np.mean(drift["slope"][order] / slope))
             entries.append(("bias", f"{round_number(bias)}"))
     delay_s = float(max(translation.delay_s[order[0]], 0.0))

@@ -224,7 +224,7 @@ def _write_noise(translation: Translation, taxels: IndexArray) -> str:
     white = f"GaussianNoiseCfg(mean=0.0, std={_write_value(deviation if np.ptp(deviation) else float(deviation[0]))})"
     if drift is None:
         return white if deviation.any() else ""
-    # The mean of a drift that increases linearly from 0 to `slope` is half of it.
+    # The mean of a drift that increases linearly from 0 to `slope` is half of `slope`.
     mean, std = 0.5 * float(drift["slope"][taxels[0]]), float(drift["deviation"][taxels[0]])
     # With the operation "add", the bias of an episode would be added to the bias of the previous episode.
     bias = f'GaussianNoiseCfg(mean={_write_value(mean)}, std={_write_value(std)}, operation="abs")'

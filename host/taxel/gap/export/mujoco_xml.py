@@ -45,6 +45,7 @@ def write_mjcf(source: ExportSource, translation: Translation, timestep_s: float
         if cutoff_n[taxel]:
             attributes["cutoff"] = f"{round_number(float(cutoff_n[taxel]))}"
         if delay_s[taxel]:
+            # The stored samples must include one before the delayed time; 1e-9 absorbs rounding errors.
             samples = int(np.ceil(delay_s[taxel] / timestep_s - 1e-9)) + 1
             attributes["delay"] = f"{round_number(float(delay_s[taxel]))}"
             attributes |= {"nsample": str(samples), "interp": "linear"}

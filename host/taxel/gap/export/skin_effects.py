@@ -189,7 +189,7 @@ class SkinEffects:
         newtons: Array | None = None
         if self._model is None or not (self.has_force_steps or force is not None):
             pass
-        elif force is None:
+        elif force is None:  # inverse of the force law of the sensor model
             share = np.clip(signal / self._model["full_scale_counts"], 0.0, MAX_SCALE_SHARE)
             newtons = self._model["half_force_n"] * share / (1.0 - share)
         else:

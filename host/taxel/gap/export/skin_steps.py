@@ -268,6 +268,7 @@ def add_drift(frame: Frame, parameters: Values, state: dict[Any, Any]) -> None:
     parameters: `slope`, counts until the time `until_s`; `deviation`, its standard deviation between grasps. state:
     `deviate`, a standard normal random number for each taxel, equal for all taxels that drift together.
     """
+    # The deviation was measured where only the share DRIFT_END_SHARE of the drift was reached.
     slope = parameters["slope"] + parameters["deviation"] * state["deviate"] / DRIFT_END_SHARE
     share = (frame.since_s + frame.age_s) / (parameters["until_s"] + frame.age_s)
     frame.signal = get_signal(frame) + slope * share

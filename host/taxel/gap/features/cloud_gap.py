@@ -115,6 +115,7 @@ def _compute_nearest_distance(distance: FloatArray, probability: FloatArray) -> 
     """
     order = np.argsort(distance, axis=1)
     ordered, present = np.take_along_axis(distance, order, axis=1), probability[order]
+    # Probability that none of the nearer points is present; the last column refers to all points.
     none_before = np.cumprod(np.column_stack([np.ones(len(distance)), 1.0 - present]), axis=1)
     return np.asarray((ordered * present * none_before[:, :-1]).sum(axis=1) + EMPTY_CLOUD_MM * none_before[:, -1])
 

@@ -15,17 +15,17 @@ MIN_PAIRS = 2
 def estimate_pair_shares(
     features: NDArray[np.float32], condition: NDArray[np.intp], iteration: NDArray[np.int64], layout: FeatureLayout
 ) -> FloatArray:
-    """Estimate the ratio of the variance of a mean that follows from pairs of repeats to the variance that follows from
-    single repeats, f64[5], for each family of features (`FeatureLayout.families`).
+    """Return the ratio of two estimates of the variance of the mean over simulated repeats, f64[5], for each family of
+    features (`FeatureLayout.families`): the estimate from pairs of repeats divided by the estimate from single repeats.
 
     features: f32[R, F, n] (R simulated grasps, F features, n taxels), counts; NaN where unknown. condition: [R].
     iteration: i64[R], number of the repeat.
 
-    The repeats 2 k and 2 k + 1 of a condition form a pair. The variance between the means of pairs is an unbiased
-    estimate (method of batch means, Conway 1963) for random repeats, where the ratio is 1, and also for a plan in which
-    the deviations of both repeats are opposite, where the ratio is below 1. The ratio is pooled over all conditions,
-    features of the family and taxels, because few pairs estimate a variance poorly. It is 1 without two pairs of a
-    condition.
+    The repeats 2 k and 2 k + 1 of a condition form a pair. The estimate from the means of pairs is unbiased (method of
+    batch means, Conway 1963) for random repeats, where the ratio is about 1. It is also unbiased if the deviations of
+    both repeats of a pair were planned to be opposite, where the ratio is below 1. The ratio is pooled over all
+    conditions, features of the family and taxels, because few pairs estimate a variance poorly. The ratio is 1 if no
+    condition has two pairs.
     """
     single = np.zeros(features.shape[1:])
     paired = np.zeros(features.shape[1:])

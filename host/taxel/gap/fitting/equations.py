@@ -75,6 +75,7 @@ def _sum_block_pairs(product: FloatArray, one: DerivativeColumn, other: Derivati
         result: FloatArray = np.zeros((one.count, one.count))
         np.fill_diagonal(result, np.bincount(one.blocks.ravel(), product.ravel(), one.count))
         return result
+    # Each pair of blocks (k, l) has the number k * other.count + l.
     pairs = one.blocks.ravel() * other.count + other.blocks.ravel()
     sums = np.asarray(np.bincount(pairs, product.ravel(), one.count * other.count), np.float64)
     return sums.reshape(one.count, other.count)

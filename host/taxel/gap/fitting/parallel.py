@@ -98,7 +98,7 @@ def _run_in_two_processes(work: Callable[[Item], Result], items: list[Item]) -> 
     finally:
         remaining.close()
         received.close()
-        with suppress(ProcessLookupError, ChildProcessError):  # it has ended, or its end has been collected
+        with suppress(ProcessLookupError, ChildProcessError):  # worker ended, or exit status collected
             os.kill(pid, signal.SIGKILL)
             os.waitpid(pid, 0)
     return results_by_index

@@ -74,10 +74,11 @@ def find_confounded_effects(
 
 
 def list_confounded_classes(confounded: Mapping[str, Sequence[str]]) -> list[dict[str, Any]]:
-    """Return the classes of confounded effects for the report.
+    """Return one report entry for each pair of confounded effects (effects that the recorded contacts do not separate).
 
-    Each class states its effects, the combination that is identifiable from the recorded contacts, and the contact that
-    separates the effects. confounded: from `find_confounded_effects`.
+    An entry states the two effects, the combination of their parameters that is identifiable from the recorded
+    contacts, and a contact (`press`) that would separate the effects. confounded: for each named effect, the effects
+    that are confounded with it, from `find_confounded_effects`.
     """
     return [
         {

@@ -78,11 +78,12 @@ def classify_identifiability(
 ) -> str:
     """Classify how well these contacts determine an effect, whether or not the effect is present.
 
-    forms: forms of each effect of the catalogue. similarities: from `compute_similarities`. confounded: for each named
-    effect, the effects that are confounded with it. Returns "identifiable", "weak", "confounded", "not_excited" or
-    "unavailable", as in the report.
+    forms: for each effect of the catalogue, the variants of its model (forms). similarities: from
+    `compute_similarities`. confounded: for each named effect, the effects that are confounded with it. Returns
+    "identifiable", "weak", "confounded", "not_excited" or "unavailable", as in the report.
     """
-    if not forms[name]:  # a dropout is found by inspection, on every taxel with an expected signal
+    # A dropout has no forms, because it is not fitted: an inspection finds it on every taxel with an expected signal.
+    if not forms[name]:
         return "identifiable"
     possible = [form for form in forms[name] if not form.find_unavailable_reason(fit_data.state)]
     if not possible:
@@ -98,8 +99,10 @@ def classify_identifiability(
 
 
 def compute_typical_length2(fit_data: FitData, effect: Effect) -> float:
-    """Compute the squared length of the change of the features by an effect with typical values, in standard deviations
-    squared.
+    """Compute how much an effect with typical parameter values changes the features.
+
+    The result is the squared norm of the change, in which each feature has the weight 1 / variance. Its unit is
+    standard deviations squared.
     """
     return _compute_length2(fit_data, _compute_typical_change(fit_data, effect))
 
@@ -109,10 +112,12 @@ def compute_similarities(
 ) -> list[Similarity]:
     """Compute the similarity of every effect to every other available effect; effects that are not excited are omitted.
 
-    An effect is excited if its change of the features has a squared length of at least `EXCITED_LENGTH2`. forms: forms
-    of each effect of the catalogue. named_effects: effects of the verdict, with their fitted values; all other effects
-    have typical values, in the form with the largest change. If the similarity of a named effect to another effect has
-    a small angle, it is checked by nonlinear fits of all forms of the other effect.
+    An effect is excited if its change of the features has a squared length of at least `EXCITED_LENGTH2`. Its
+    similarity to another effect is the angle between this change and the subspace of the changes by the other effect.
+    If this angle is small for a named effect, nonlinear fits of all forms of the other effect check the result.
+
+    forms: for each effect of the catalogue, the variants of its model (forms). named_effects: effects of the verdict,
+    with their fitted values; all other effects have typical values, in the form with the largest change.
     """
     state = fit_data.state
     available_forms = {
@@ -201,8 +206,12 @@ class Subspace:
     """
 
     def __init__(self, fit_data: FitData, columns: Sequence[DerivativeColumn]) -> None:
-        """Factorise the Gram matrix of the columns with pivoting; linearly dependent columns are omitted."""
+        """Prepare projections onto the subspace by a pivoted Cholesky factorisation of the columns' Gram matrix.
+
+        Linearly dependent columns are omitted.
+        """
         self._fit_data = fit_data
+        # A prior precision of 0 removes the priors, so that the system below is the Gram matrix alone.
         self._columns = [replace(one, precision=0.0 * one.precision) for one in columns]
         system = build_normal_matrix(FitProblem(fit_data.state, fit_data.state.mean, fit_data.weight), self._columns)
         self._scale = np.sqrt(np.maximum(np.diag(system), 1e-300))
@@ -215,6 +224,7 @@ class Subspace:
         """
         problem = FitProblem(self._fit_data.state, change, self._fit_data.weight)
         gradient = compute_gradient(problem, self._columns, np.zeros_like(change)) / self._scale
+        # With the Gram matrix L L^T and the products g of columns and change, the projection has the length |L^-1 g|.
         projection = solve_triangular(self._factor, gradient[self._independent], lower=True, check_finite=False)
         return max(_compute_length2(self._fit_data, change) - float(projection @ projection), 0.0)
 

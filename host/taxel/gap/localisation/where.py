@@ -50,8 +50,10 @@ class ResidualProducts:
 
 
 def compute_products(real: SessionMeans, model: FloatArray, layout: FeatureLayout) -> ResidualProducts:
-    """Return the products of the residuals between real sessions and a prediction. model: f64[C, F, n] (C conditions, F
-    features, n taxels), counts.
+    """Return the products of the residuals (real minus predicted features) of each pair of real sessions, counts^2.
+
+    The products are summed over taxels, or over conditions and features. They are also returned for the residuals minus
+    their mean over the sessions. model: f64[C, F, n] (C conditions, F features, n taxels), predicted features, counts.
     """
     scale = np.sqrt(layout.compute_scale(real.value.shape[0], real.value.shape[3]) * real.pair_weight)[:, None]
     residual = real.compute_residual(model)
@@ -83,6 +85,7 @@ def compute_p_values(gram: FloatArray, centred: FloatArray, seed: int) -> FloatA
     pairs = np.einsum("bs,bt->bst", multipliers, multipliers)
     pairs[:, np.arange(sessions), np.arange(sessions)] = 0.0
     null = (pairs.reshape(BOOTSTRAP_SAMPLES, -1) @ centred.reshape(groups, -1).T) / (sessions * (sessions - 1))
+    # Each location is divided by its standard deviation; the lower limit avoids a division by a value near 0.
     scale = null.std(axis=0)
     scale = np.maximum(scale, 1e-3 * scale.max(initial=0.0) + 1e-12)
     statistic, null = compute_off_diagonal_mean(gram) / scale, null / scale

@@ -79,8 +79,9 @@ def recommend_action(report: CheckedReport, report_file: str = REPORT_FILE) -> A
 
 
 def _is_ineffective(report: CheckedReport) -> bool:
-    """Return whether the gap of held-out sessions does not shrink by at least `LEAST_SHRINK`, or not significantly
-    (interval of the shrink entirely at or below 0).
+    """Return whether the named effects do not reduce the gap of held-out sessions.
+
+    This is the case if the shrink is below `LEAST_SHRINK`, or if its 95 % interval is entirely at or below 0.
     """
     bounds, shrink = report.after.optional_interval("shrink_ci95"), report.after.optional_number("shrink")
     return (shrink is not None and shrink < LEAST_SHRINK) or (bounds is not None and bounds[1] <= 0.0)

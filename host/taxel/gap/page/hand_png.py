@@ -25,7 +25,10 @@ _INK, _MUTED, _EDGE, _GROUND = "#1b1d22", "#5b606b", "#d5d7dc", "#ffffff"
 
 
 def unrolled_png(report: Mapping[str, Any], path: str | os.PathLike[str]) -> None:
-    """Draw the unrolled hand before and after on one colour scale, with the verdict as title, and save it as `path`.
+    """Save a picture of the unrolled hand, whose taxels are coloured by their excess, as the PNG file `path`.
+
+    The picture shows the excess before and after the effects of the verdict are added to the simulator, on one colour
+    scale. Its title is the verdict.
 
     Args:
         report: content of `report.json`, as `json.load` returns it.

@@ -14,8 +14,10 @@ _TICKS = (0.0, 0.25, 0.5, 0.75, 1.0)
 
 
 def build_hand_section(report: CheckedReport) -> SectionData:
-    """Return the section with the picture before and after; a report without excess of taxels has only the bars. Raises
-    GapInputError for a missing or malformed field.
+    """Return the section with the gap as bars and pictures of the hand, before and after the named effects are added.
+
+    The section of a report without excess of taxels contains only the bars. Raises GapInputError for a missing or
+    malformed field.
     """
     hand = read_unrolled_hand(report)
     added = [make_readable(name) for name in report.verdict.texts("effects") if name != "unknown"]

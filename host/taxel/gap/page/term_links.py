@@ -78,5 +78,7 @@ def _list_spellings() -> dict[str, str]:
 def _compile_pattern() -> re.Pattern[str]:
     """Return a regular expression that matches any spelling of a term as a whole word, the longest first. Cached."""
     longest_first = sorted(_list_spellings(), key=len, reverse=True)
+    # The conditions before and after the words exclude parts of longer or hyphenated words, of character references
+    # such as &amp; and of file names such as report.json.
     words = "|".join(re.escape(name).replace(r"\ ", r"[\s\u00a0]+") for name in longest_first)
     return re.compile(rf"(?<![\w&#-])(?:{words})(?![\w;-]|\.\w)", re.IGNORECASE)

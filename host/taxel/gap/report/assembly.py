@@ -64,8 +64,9 @@ class ReportInputs:
 
 
 def build_report(inputs: ReportInputs) -> dict[str, Any]:
-    """Build the report as a dictionary. Run time, gap in millimetres and thesis terms are added by
-    `taxel.gap.diagnosis`.
+    """Build the gap report, a dictionary with the fields of `report.json`, from the results of a diagnosis.
+
+    `taxel.gap.diagnosis` adds the run time, the gap in millimetres and the field `thesis_terms`.
     """
     comparison, held_out, verdict = inputs.comparison, inputs.held_out, inputs.verdict
     fit_data, gap, named = comparison.fit_data, comparison.gap, inputs.named
@@ -168,7 +169,11 @@ def _build_one_line(verdict: Verdict, signature: str) -> str:
 
 
 def _describe_sets(comparison: Comparison) -> list[dict[str, Any]]:
-    """Describe the candidate sets, largest weight first, with their forms and held-out log density."""
+    """Return a report entry for each compared set of effects, largest weight first.
+
+    An entry contains the names of the effects, the form (model variant) and scope of each effect, the weight of the
+    set, and the log density of the held-out features that the set predicts.
+    """
     order = sorted(comparison.sets, key=lambda key: -comparison.weights[key])
     return [
         {

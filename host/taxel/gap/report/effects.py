@@ -180,6 +180,7 @@ def _compute_drift_counts(fitted_effect: FittedEffect) -> float:
     The drift is the root of slope squared plus variance between grasps; it is negative if the slope is negative and
     larger than the standard deviation.
     """
+    # Row 0 is the slope, row 1 the standard deviation between grasps.
     slope, deviation = fitted_effect.values[:, np.hypot(fitted_effect.values[0], fitted_effect.values[1]).argmax()]
     size = float(np.hypot(slope, deviation))
     return -size if slope < -deviation else size

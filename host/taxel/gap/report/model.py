@@ -53,7 +53,10 @@ def describe_model(state: State, fitted_effect: FittedEffect) -> dict[str, Any]:
 
 
 def list_block_names(pair: Pair, scope: str) -> list[int | str]:
-    """Return the names of a scope's blocks: "hand", addresses of boards, names of objects, or indices of taxels."""
+    """Return the names of the blocks (parts of the hand, or objects) for which an effect has values of its own.
+
+    scope: kind of the blocks. The names are "hand", addresses of boards, names of objects, or indices of taxels.
+    """
     if scope == HAND:
         return [HAND]
     if scope == BOARD:
@@ -74,10 +77,12 @@ def split_noise(pair: Pair, fitted_effect: FittedEffect) -> FloatArray:
     covariance = compute_known_mean(pair.real.common_covariance, 0) - compute_known_mean(pair.sim.common_covariance, 0)
     on_tx, on_rx, on_board = np.nan_to_num(covariance).tolist()
     board = max(on_board, 0.0)
+    # The covariance on a line also contains the noise of the board, which is subtracted.
     shared = np.array([max(on_tx - board, 0.0), max(on_rx - board, 0.0), board])
     if shared.sum() < MIN_COMMON_SHARE * total.mean():
         shared[:] = 0.0  # covariances by chance
     shared_sum = max(float(shared.sum()), 1e-300)
+    # The common variance of a block is at most the total variance that the effect adds to this block.
     common = shared[:, None] * np.minimum(total / shared_sum, 1.0)
     white = np.maximum(total - common.sum(axis=0), 0.0)
     return np.asarray(np.sqrt(np.vstack([white, common])))

@@ -15,8 +15,10 @@ from taxel.types import FloatArray
 def build_page_fields(
     pair: Pair, layout: FeatureLayout, real: SessionMeans, before: FloatArray, after: FloatArray
 ) -> dict[str, Any]:
-    """Return the fields by name: taxels and boards, excess of each taxel, numbers of grasps, gap by object and board,
-    losses.
+    """Return the fields of the report that the HTML page shows, by name.
+
+    The fields are: taxels and boards, excess of each taxel, numbers of grasps, gap by object and by board, and
+    limitations of the data (`losses`).
 
     before, after: mean features of the simulator without and with the effects of the verdict, f64[C, F, n] (C
     conditions, F features, n taxels), counts.

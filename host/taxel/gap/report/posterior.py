@@ -62,6 +62,7 @@ def sample_posterior(
     scale = np.sqrt(np.diag(system))
     scaled = system / np.outer(scale, scale)
     scaled[np.diag_indices_from(scaled)] += JITTER
+    # With the scaled posterior precision U^T U and standard normal numbers z, U^-1 z has the posterior covariance.
     normal = np.random.default_rng(SEED).standard_normal((len(scaled), SAMPLE_COUNT))
     steps = solve_triangular(cholesky(scaled, lower=False, check_finite=False), normal) / scale[:, None]
     samples = [apply_step(composite, free, step) for step in steps.T]

@@ -213,7 +213,7 @@ def convert_fitted_effect(fitted_effect: FittedEffect, model: Mapping[str, Any])
 
 
 def read_effect(name: str, entry: ReportValue, taxels: int) -> ReportedEffect:
-    """Return an effect from its entry in `effects`, with its field `model`.
+    """Return an effect with its fitted values, read from its entry in the field `effects` of a report.
 
     name: name of the effect. taxels: number of taxels of the report. Raises GapInputError for a missing or malformed
     field.
@@ -260,8 +260,10 @@ def _read_intervals(parameters: ReportValue | None) -> dict[str, Interval]:
 
 
 def _find_form(name: str, form: str, scope: str, model: ReportValue) -> Effect:
-    """Return the form of an effect in the catalogue. Raises GapInputError for an unknown form. model: field of the
-    report, for the message.
+    """Return the variant of an effect (form) that the catalogue contains under these names.
+
+    name: name of the effect. form: name of the variant. scope: kind of the parts with values of their own, such as
+    "board". model: field of the report, for the message. Raises GapInputError for an unknown form.
     """
     forms = catalogue.all_effects()[name]
     found = next((one for one in forms if (one.variant, one.scope) == (form, scope)), None)
@@ -275,8 +277,10 @@ def _find_form(name: str, form: str, scope: str, model: ReportValue) -> Effect:
 
 
 def _read_blocks(model: ReportValue, scope: str, taxels: int) -> tuple[Block, ...]:
-    """Return the names of the blocks of an effect. model: field of the report. scope: kind of the blocks. taxels:
-    number of taxels. Raises GapInputError for other blocks than the scope permits.
+    """Return the names of the blocks of an effect: the parts of the hand, or the objects, with values of their own.
+
+    model: field of the report. scope: kind of the blocks (hand, board, object or taxel). taxels: number of taxels.
+    Raises GapInputError for other blocks than the scope permits.
     """
     found = model.field("blocks")
     items = found.items()

@@ -50,14 +50,17 @@ PROPAGATION: Final = "contact_propagation"
 def build_thesis_terms(
     fit_data: FitData, alone: Mapping[str, tuple[CompositeModel, FloatArray]]
 ) -> list[dict[str, Any]]:
-    """Return the field `thesis_terms` of the report: one entry for each treatment of the clouds, in the order of
-    application.
+    """Return the report field `thesis_terms`: the gap after each treatment of the contact clouds, as in the thesis.
 
-    The treatments are: none (unfiltered), force filter, statistical outlier removal (SOR) in addition, contact
-    propagation in addition. Fields of an entry: `step`, name of the treatment; `gap`, counts, None for a treatment that
-    changes no count; `mm`, distance as in `gap.mm` with the filters on both clouds, millimetres; `mm_hand_only`,
-    distance with the filters on the clouds of the hand only (both None without data, or for a skipped treatment);
-    `points`, expected number of active taxels if every condition is grasped once; `note`, settings of the treatment.
+    A contact cloud contains the positions of the active taxels. There is one entry for each treatment, in the order of
+    application: unfiltered, force filter, then statistical outlier removal (SOR) in addition, then contact propagation
+    in addition.
+
+    Fields of an entry: `step`, name of the treatment; `gap`, counts, None for a treatment that changes no count; `mm`,
+    distance as in `gap.mm` with the filters on both clouds, millimetres; `mm_hand_only`, distance with the filters on
+    the clouds of the hand only (both None without data, or for a skipped treatment); `points`, expected number of
+    active taxels if every condition is grasped once; `note`, settings of the treatment.
+
     alone: fits of single effects by name, with features f64[C, F, n] (C conditions, F features, n taxels).
     """
     pair, real, layout, before = fit_data.state.pair, fit_data.sessions, fit_data.layout, fit_data.state.mean
@@ -141,10 +144,11 @@ class HandClouds:
         return np.asarray(np.einsum("cji,cnj->cni", poses[:, :3, :3], world - poses[:, None, :3, 3]))
 
     def average_sessions(self, cloud: FloatArray) -> FloatArray:
-        """Compute the mean over the sessions with data of a condition, f64[C, n] (C conditions, n taxels); 0 without
-        data.
+        """Compute the mean of a cloud over the sessions with data of each condition, f64[C, n] (C conditions, n
+        taxels); 0 without data.
 
-        cloud: f64[C, S, n]; a cloud f64[C, n] of the simulator is returned unchanged.
+        cloud: probabilities that a taxel is active, f64[C, S, n] (S sessions); a cloud f64[C, n] of the simulator is
+        returned unchanged.
         """
         if cloud.ndim == 2:
             return cloud
@@ -166,9 +170,10 @@ class HandClouds:
         return np.where(outlier[:, None] if cloud.ndim == 3 else outlier, 0.0, cloud)
 
     def compute_distance_mm(self, real: FloatArray, sim: FloatArray) -> float | None:
-        """Compute the mean distance over conditions, then over sessions, millimetres; None without data.
+        """Compute the mean Chamfer distance between the contact clouds of hand and simulator, millimetres.
 
-        real: f64[C, S, n] (C conditions, n taxels), sim: f64[C, n], probabilities of activity.
+        The distance is averaged over the conditions of each session, then over the sessions; None without data. real,
+        sim: probabilities that a taxel is active, f64[C, S, n] (C conditions, S sessions, n taxels) and f64[C, n].
         """
         distance_mm = np.full(self.has_data.shape, np.nan)
         for condition, session in np.argwhere(self.has_data):

@@ -97,6 +97,7 @@ def compute_attribution(fit_data: FitData, names: tuple[str, ...], held_out: Hel
         else [fit_data]
     )
     floor = [compute_session_variance(data.sessions, scale) for data in without_session]
+    # Squared gap of a session without effects, predicted from the other sessions: excess plus variance of one session.
     start = [
         max(data.compute_excess(state.mean), 0.0) + variance
         for data, variance in zip(without_session, floor, strict=True)

@@ -33,11 +33,11 @@ class Explanation:
 
 
 def fit_explanation(comparison: Comparison, names: Collection[str]) -> Explanation:
-    """Fit the set with exactly these effects until the fit converges.
+    """Fit a model with exactly these effects together until the fit converges.
 
-    names: names of the effects. The fit starts at the values of the candidate set with these effects; if there is none,
-    at the values of each effect in the set with the largest weight that contains it, or of the effect's coarse fit
-    alone.
+    names: names of the effects. The fit starts at the values of the compared set with exactly these effects. If no such
+    set was compared, each effect starts at its values in the set with the largest weight that contains this effect, or
+    else at the values of its coarse fit alone.
     """
     fit_data, wanted = comparison.fit_data, frozenset(names)
     fitted_effects = []

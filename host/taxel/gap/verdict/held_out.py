@@ -115,6 +115,7 @@ def compute_held_out(
         fitted = fit(data.build_problem(), composite, fixed, REFIT_ITERATIONS, start)
         fitted_effects.append(fitted.composite.fitted_effects)
         after2.append(real.compute_squared_difference(session, fitted.features, scale))
+        # Predicted squared gap of the left-out session: excess of the other sessions plus variance of one session.
         excess = [data.compute_excess(features) for features in (before, fitted.features)]
         variance = compute_session_variance(others, scale)
         predicted_shrink.append(compute_shrink(max(excess[0], 0.0) + variance, max(excess[1], 0.0) + variance))
@@ -128,7 +129,7 @@ def compute_held_out(
 
 
 def compute_session_variance(real: SessionMeans, scale: FloatArray) -> float:
-    """Return the squared gap of a single session that its variance alone causes, counts^2.
+    """Return the squared gap that the variance between sessions alone causes in a single session, counts^2.
 
     scale: f64[F, 1] (F features), contribution of a squared difference to the squared gap
     (`FeatureLayout.compute_scale`).

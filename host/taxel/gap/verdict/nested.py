@@ -24,8 +24,7 @@ sessions."""
 def select_composites_without_session(
     fit_data: FitData, forms: Forms, seed: int, progress: Callable[[int, int], None]
 ) -> tuple[CompositeModel, ...]:
-    """Repeat the comparison without each session, and return for each session the fitted model of the effects that it
-    names.
+    """Return for each session the fitted model of the effects that a comparison without this session names.
 
     seed: seed of the comparison. progress: called with the number of finished sessions and the number of sessions.
     Raises GapInputError if there are fewer than `MIN_SESSIONS` sessions.

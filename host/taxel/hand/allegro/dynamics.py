@@ -87,6 +87,7 @@ class FreeJoints:
         torque = check_joint_values("torque_nm", torque_nm)
         if self._external is not None:
             torque += check_joint_values("external torque", self._external(self.angles, self.velocities))
+        # Friction and damping use the velocity after the step (implicit Euler), so that they never reverse the motion.
         momentum = self._inertia * self._velocities + dt_s * torque
         remaining = np.sign(momentum) * np.maximum(np.abs(momentum) - dt_s * self._friction, 0.0)
         self._velocities = remaining / (self._inertia + dt_s * self._damping)

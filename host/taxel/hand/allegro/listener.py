@@ -30,7 +30,8 @@ class AllegroListener:
     def __init__(self, bus: can.BusABC, names: Sequence[str], base: FloatArray, device_id: int = 0) -> None:
         """Start to listen on an open channel, which the caller shuts down after `close`.
 
-        names: joints of the robot. Raises ValueError if the robot lacks a joint of the hand.
+        names: joints of the robot. base: angles of all joints of the robot, radians; each sample contains them for the
+        joints that the hand does not report. Raises ValueError if the robot lacks a joint of the hand.
         """
         self._index = [list(names).index(name) for name in ROBOT_JOINT_NAMES]
         self._bus, self._base = bus, np.array(base, dtype=np.float64)

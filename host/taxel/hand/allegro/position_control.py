@@ -36,6 +36,7 @@ class PositionControl:
         """
         elapsed_s = time_s - self._time_s
         if self._angles is not None and elapsed_s > 0.0:
+            # Weight of the new value in a first-order low-pass filter with the time constant `VELOCITY_FILTER_S`.
             share = elapsed_s / (elapsed_s + VELOCITY_FILTER_S)
             self.velocities += share * ((angles - self._angles) / elapsed_s - self.velocities)
         self._angles, self._time_s = angles.copy(), time_s

@@ -60,7 +60,11 @@ _MESSAGE_OF_ID = {
 
 
 def make_arbitration_id(message: MessageId, index: int = 0, device_id: int = 0) -> int:
-    """Make the 11-bit identifier. Raises ValueError for a finger, sensor or device id out of range."""
+    """Make the 11-bit identifier of a CAN frame: message id plus `index` in bits 2 to 10, device id in bits 0 and 1.
+
+    index: number of the finger or sensor, 0 for other messages. Raises ValueError for an index or a device id out of
+    range.
+    """
     if not 0 <= index < (4 if message in _IDS_OF_FOUR else 1):
         raise ValueError(f"index of {message.name}: expected 0 to {3 if message in _IDS_OF_FOUR else 0}, found {index}")
     if not 0 <= device_id <= MAX_DEVICE_ID:

@@ -135,7 +135,7 @@ class VirtualAllegro:
         while self._time_ns < end_ns:
             dues = [self._due_ns[report] for report in _REPORTS if self._period_ns[report]]
             stop_ns = min([end_ns, *dues])
-            if np.isfinite(self._target).any():
+            if np.isfinite(self._target).any():  # position control computes a new torque in each servo period
                 stop_ns = min(stop_ns, self._time_ns + _SERVO_PERIOD_NS)
             self._advance(stop_ns - self._time_ns)
             self._time_ns = stop_ns

@@ -47,7 +47,7 @@ def open_adapter(device: str) -> smbus2.SMBus:
 
 
 def read_scl_hz(device: str) -> float:
-    """Return the bus clock of the adapter `/dev/i2c-N` in Hz: that of the device tree, else `DEFAULT_SCL_HZ`."""
+    """Return the bus clock of the adapter `/dev/i2c-N` in Hz: the value in the device tree, else `DEFAULT_SCL_HZ`."""
     number = re.search(r"(\d+)$", device)
     path = _SYSFS / f"i2c-{number[1] if number else ''}" / "of_node" / "clock-frequency"
     try:
@@ -60,8 +60,8 @@ def read_scl_hz(device: str) -> float:
 def check_board_answers(bus: smbus2.SMBus, device: str, addresses: Sequence[int]) -> None:
     """Wait until a board acknowledges one of the I2C addresses.
 
-    device: path of the adapter for error messages. Raises `LinkError` if no board does within `BOARD_TIMEOUT_S`; the
-    message states whether a line of the bus seems to be held low.
+    device: path of the adapter for error messages. Raises `LinkError` if no board acknowledges within
+    `BOARD_TIMEOUT_S`; the message states whether a line of the bus seems to be held low.
     """
     deadline = time.monotonic() + BOARD_TIMEOUT_S
     while True:
@@ -90,7 +90,7 @@ def check_board_answers(bus: smbus2.SMBus, device: str, addresses: Sequence[int]
 
 
 def _probe_address(bus: smbus2.SMBus, device: str, address: int) -> int | None:
-    """Address a board without data, or read one byte of it if the adapter rejects this.
+    """Send a board's address without data; if the adapter rejects an empty transfer, read one byte of the board.
 
     Returns None if a board acknowledges, else the error number of the kernel. Raises `LinkError` if the adapter itself
     fails.

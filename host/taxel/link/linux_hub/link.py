@@ -59,7 +59,7 @@ class LinuxHubLink:
     def read(self, timeout_s: float) -> Chunk | None:
         """Return the next bytes of the hub; None if none arrives within `timeout_s` seconds.
 
-        Raises `PortVanishedError` after a failure of the adapter; all bytes before are delivered.
+        Raises `PortVanishedError` after a failure of the adapter, once all bytes from before the failure are returned.
         """
         if self._thread is None:
             raise LinkError(self.name, "the link is closed")
@@ -78,7 +78,10 @@ class LinuxHubLink:
         return None
 
     def write(self, data: bytes) -> None:
-        """Send bytes to the hub. Raises `LinkError` if the hub takes none within 2 s or the adapter has failed."""
+        """Send bytes to the hub.
+
+        Raises `LinkError` if the hub does not accept all of them within 2 s, or if the adapter has failed.
+        """
         deadline = time.monotonic() + WRITE_TIMEOUT_S
         while data:
             with self._lock:

@@ -51,7 +51,7 @@ def make_settings(scl_hz: float, addresses: Iterable[int], clock_start_us: int =
     """Return the settings of a hub with the firmware version of this package, as a C structure.
 
     scl_hz: clock of the bus, Hz. addresses: I2C addresses at which boards are searched. clock_start_us: reading of the
-    hub's clock at its start, microseconds.
+    hub's clock at its start, microseconds. The field `probed` is a bit map with one bit for each 7-bit address.
     """
     settings = Settings(round(scl_hz), unique_id=(ctypes.c_uint8 * 8)(*UNIQUE_ID), clock_start_us=clock_start_us)
     numbers = [int(part) for part in VERSION.split("+")[0].split(".")[:3]]

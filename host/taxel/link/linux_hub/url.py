@@ -53,9 +53,9 @@ def open_linux_hub(url: str, hand: Any = None) -> LinuxHubLink:
     """Open an I2C adapter of this computer as the bus of a skin without a hub.
 
     Options: `boards=auto` (default: boards are searched at all addresses) or `boards=0x1C,0x1D` (no other address is
-    used); `scl_hz`: clock of the bus, Hz, if the device tree does not state it (default: 100000). The option `scl_hz`
-    states the clock to taxel; it does not set the clock. hand: not used; every function that opens a URL has this
-    parameter. Raises a one-line `LinkError`.
+    used); `scl_hz`: clock of the bus, Hz (default: the value in the device tree, else 100000). The option `scl_hz` does
+    not change the clock: taxel derives the time limits of transfers from it. hand: not used; every function that opens
+    a URL has this parameter. Raises a one-line `LinkError`.
     """
     parts = parse_i2c_url(url)
     bus = open_adapter(parts.device)

@@ -53,7 +53,7 @@ class VirtualMasterWorld(VirtualWorld):
         emulator rejects the world.
         """
         super().__init__(world, "none", counts=counts, files=files)
-        super().inject("hub_unplug")
+        super().inject("hub_unplug")  # the hub that this process executes replaces the hub of the world
         self._latency_s = latency_s
         self._hub_library = load_linux_hub()
         self._is_powered = True
@@ -83,7 +83,7 @@ class VirtualMasterWorld(VirtualWorld):
         taxel_i2c_result, 0: success). An exception is stored for `_run_hub`, which raises it; the result is then -4.
         """
         try:
-            # The time limit is rounded up to a multiple of TIMEOUT_UNIT_S.
+            # As for a Linux adapter, the time limit is rounded up to a multiple of TIMEOUT_UNIT_S.
             steps = int(1e-6 * timeout_us / TIMEOUT_UNIT_S) + 1
             written = ctypes.string_at(write, write_size) if write_size else b""
             result, data = self.transfer(address, written, read_size, steps * TIMEOUT_UNIT_S)
@@ -148,7 +148,7 @@ class VirtualMasterWorld(VirtualWorld):
         return True
 
     def inject(self, name: str, address: int = 0, value: float = 0.0, second: float = 0.0) -> None:
-        """Inject a fault as in `VirtualWorld`; faults of hub and host act on this process.
+        """Inject a fault as in `VirtualWorld`; faults of hub and host act on the hub that this process executes.
 
         Raises `FaultError` for a fault of the UART.
         """

@@ -61,7 +61,7 @@ class VirtualSMBus:
             i2c_msgs[-1].buf[index] = bytes([value])
 
     def _transfer(self, address: int, write: bytes, read_size: int) -> bytes:
-        """Write bytes to an I2C address, then read `read_size` bytes from it, in one transfer; return them.
+        """Write bytes to an I2C address, then read `read_size` bytes from it, in one transfer; return the read bytes.
 
         Raises OSError with the error number that Linux uses for this failure.
         """

@@ -241,10 +241,10 @@ class VirtualWorld:
     def transfer(
         self, address: int, write: bytes, read_size: int, timeout_s: float = TRANSFER_TIMEOUT_S
     ) -> tuple[int, bytes]:
-        """Perform one transfer on the I2C bus with the bench's adapter: write `write`, then read `read_size` bytes.
+        """Perform one transfer on the emulated I2C bus: write the bytes `write`, then read `read_size` bytes.
 
-        Returns (result, an enum taxel_i2c_result, 0 for success; bytes read). timeout_s: time limit, seconds of virtual
-        time.
+        The master is an emulated I2C adapter, not the hub. Returns the result (enum taxel_i2c_result, 0: success) and
+        the read bytes. timeout_s: time limit, seconds of virtual time.
         """
         buffer = ctypes.create_string_buffer(max(read_size, 1))
         timeout = round(timeout_s * PS_PER_S)
@@ -340,7 +340,7 @@ class VirtualWorld:
         """Return the planned power cuts of a board or of the hub (address 0) that have occurred.
 
         first: number of the first returned cut, from 0. Raises `LinkError` if the emulator no longer stores these cuts;
-        it stores the last eight.
+        the emulator stores the last eight.
         """
         handle = self._open_handle
         row, after, new_data = ctypes.c_uint16(), ctypes.c_uint64(), ctypes.create_string_buffer(FLASH_ROW)

@@ -68,6 +68,7 @@ def build_scene(hand: Hand) -> HandScene:
     angles = _compute_drawn_angles(robot)
     links, brackets = kinematics.compute_link_poses(angles), kinematics.compute_sensor_poses(angles)
     position, normal = compute_taxel_positions(hand, brackets), compute_taxel_normals(hand, brackets)
+    # The distal directions of the taxels, rotated from the frames of their brackets to the frame of the scene.
     distal = np.einsum("nij,nj->ni", brackets[hand.board_index, :3, :3], hand.distal)
     lifted = position + BOARD_LIFT_M * normal
     centres = [lifted[hand.get_slice(board.address)].mean(axis=0) for board in hand.boards]

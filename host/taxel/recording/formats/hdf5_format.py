@@ -72,7 +72,7 @@ class Hdf5Sink:
         self._measured = joint_position if isinstance(joint_position, JointHistory) else None
         self._kinematics = kinematics
         if isinstance(joint_position, JointHistory):
-            self._joints = joint_position.interpolate(float("-inf"))
+            self._joints = joint_position.interpolate(float("-inf"))  # the first measured angles
         else:
             self._joints = np.zeros(len(kinematics.robot.joint_names)) if joint_position is None else joint_position
         self._pose = kinematics.compute_sensor_poses(self._joints)
@@ -118,6 +118,7 @@ class Hdf5Sink:
             valid[column] = True
             self._counts[self._hand.get_slice(frame.address)] = frame.raw_counts
             self._clock[column] += self._compute_elapsed_us(frame) * 1e-6
+        # The times of the rows must not decrease.
         time_s = max(min(frame.time_s for frame in frames), self._span[1] if self._count else 0.0)
         self._span = [time_s if not self._count else self._span[0], time_s]
         phase = Phase.BASELINE if self._count < self._options.baseline_frames else Phase.HOLD
@@ -237,7 +238,8 @@ def _create_dataset(path: Path, hand: Hand, generator: str, objects: dict[str, O
 def _make_objects(name: str, location: Location) -> dict[str, ObjectMesh]:
     """Return {name: mesh} of the object `name`; for the name "unknown" the mesh is a microscopic triangle.
 
-    The dataset format requires a mesh. Raises DatasetError for a name that is not an object of the thesis.
+    The dataset format requires a mesh. Raises DatasetError for a name that is not one of the three test
+    objects of the thesis (the source of the skin's design).
     """
     if name == UNKNOWN_OBJECT:
         vertices = np.array([[0.0, 0.0, 0.0], [1e-6, 0.0, 0.0], [0.0, 1e-6, 0.0]])

@@ -82,7 +82,7 @@ class ParquetSink:
         text = format_header(header).encode()
         with open_target(path, overwrite) as pending:
             self._pending = pending
-            # The library prints a line of its own if it cannot close a file that it has opened.
+            # The file is opened here, because pyarrow prints a line if it cannot close a file that it opened itself.
             self._stream: BinaryIO = pending.part.open("wb")
             self._writer = parquet.ParquetWriter(self._stream, self._schema.with_metadata({METADATA_KEY: text}))
         self._names = {board.address: board.name for board in hand.boards}

@@ -100,12 +100,15 @@ class Signature:
 def describe_unexplained(
     pair: Pair, layout: FeatureLayout, real: SessionMeans, model: FloatArray, fold: NDArray[np.intp], seed: int
 ) -> dict[str, Any]:
-    """Return the field `unexplained` of the report: p-value, sentence, locations and bank of the remainder.
+    """Return the report field `unexplained`: a description of the remainder (real minus predicted features).
 
-    The sentence and the locations are empty if the remainder is not significant on any board and no change of
-    sensitivity is significant. model: f64[C, F, n] (C conditions, F features, n taxels), features that the best set of
-    effects predicts, counts; NaN where unknown. fold: [C], fold of each condition; the conditions of a fold are
-    predicted without them. seed: seed of the random numbers of the p-values.
+    The field contains the p-value of the remainder, a sentence on the most similar generic distortion, locations, and
+    the results of all distortions (`bank`). The sentence and the locations are empty if the remainder is not
+    significant on any board and no change of sensitivity is significant.
+
+    model: f64[C, F, n] (C conditions, F features, n taxels), features that the best set of effects predicts, counts;
+    NaN where unknown. fold: [C], fold of each condition; the conditions of a fold are predicted by a fit to the other
+    conditions. seed: seed of the random numbers of the p-values.
     """
     real = replace(real, value=np.where(np.isfinite(model)[:, None], real.value, np.nan))
     model = np.nan_to_num(model)
@@ -143,7 +146,11 @@ def describe_unexplained(
 def compute_signature(
     pair: Pair, layout: FeatureLayout, real: SessionMeans, model: FloatArray, fold: NDArray[np.intp]
 ) -> Signature:
-    """Compare the remainder with all distortions of the bank. Arguments as in `describe_unexplained`."""
+    """Compare the remainder (real minus predicted features) with all generic distortions of the bank.
+
+    real: mean features of the real sessions. model: f64[C, F, n] (C conditions, F features, n taxels), predicted
+    features, counts. fold: [C], cross-validation fold of each condition.
+    """
     remainder = Remainder.compute(pair, real, model, layout, fold)
     excess = float(compute_off_diagonal_mean(remainder.gram))
     energy = compute_signal_energy(remainder, model, layout.bins)
@@ -178,8 +185,8 @@ def _make_fit_entry(fit: DistortionFit, excess: float) -> BankEntry:
 def _make_local_entry(local: LocalDeviation, excess: float) -> BankEntry:
     """Return the bank entry of a local deviation. excess: excess of the remainder, counts^2."""
     share = _compute_share(compute_off_diagonal_mean(local.gram), excess)
-    # A factor and an offset for each location; one more for taxels, so that an equal number of lines or boards is
-    # simpler.
+    # Number of coefficients: a factor and an offset for each location. Taxels count one more, so that the selection of
+    # the simplest entry prefers an equal number of lines or boards.
     count = 2 * len(local.groups) + (local.scope == TAXEL)
     return BankEntry(LOCAL_NAMES[local.scope], local.scope, share, share * excess, local.p_value, count, local=local)
 
@@ -225,10 +232,12 @@ def _select_simplest(entries: list[BankEntry]) -> BankEntry:
 def _select_best(entries: list[BankEntry]) -> tuple[BankEntry | None, bool]:
     """Return the distortion that the sentence names, and whether the sentence states it without "possibly".
 
-    The distortion is the simplest of those that explain nearly as much as the best one (`_select_simplest`), among the
-    distortions that meet the limits of a sentence without "possibly"; if there are none, among those that meet the
-    limits of a sentence with "possibly". Without any, (None, True) is returned. A local deviation is returned only if
-    no fitted distortion explains half of the largest share.
+    First, only significant entries with a share of at least `MIN_SHARE` are considered; the sentence then states the
+    result without "possibly". If there are none, entries that are not clearly insignificant (`_is_possible`) and have a
+    share of at least `MIN_TENTATIVE_SHARE` are considered. If there are again none, the result is (None, True).
+
+    Of the considered entries, the simplest one that explains nearly as much as the best one is returned
+    (`_select_simplest`). A local deviation is returned only if no fitted distortion explains half of the largest share.
     """
     for is_certain, least in ((True, MIN_SHARE), (False, MIN_TENTATIVE_SHARE)):
         meets_limit = _is_significant if is_certain else _is_possible

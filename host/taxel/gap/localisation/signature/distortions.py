@@ -70,10 +70,13 @@ def get_groups(pair: Pair, scope: str) -> NDArray[np.intp]:
 
 
 def generate_distortions(pair: Pair, layout: FeatureLayout, model: FloatArray) -> Iterator[Distortion]:
-    """Generate all distortions of the bank.
+    """Generate all generic distortions, each with the columns whose linear combinations describe it.
 
-    Meaning of the names: history: signal after the hold in proportion to the hold signal; radial: wider or narrower
-    contact area; shift: displaced contact area; common: signal of all taxels.
+    Meaning of the names: amplitude: curve over the predicted signal; lag: delay; history: signal after the hold in
+    proportion to the hold signal; radial: wider or narrower contact area; shift: displaced contact area; common: signal
+    of all taxels; board, row, column, taxel: fixed factors and offsets of these locations, for rows (TX lines) and
+    columns (RX lines) also signal of other lines; noise; missing: missing frames. The last name stands for the drift
+    residual.
 
     model: f64[C, F, n] (C conditions, F features, n taxels), features that the best set of effects predicts, counts;
     NaN where unknown.
@@ -142,6 +145,7 @@ def _build_lag(pair: Pair, layout: FeatureLayout, signal_counts: FloatArray, hol
     signals in hold, f64[C, n], counts.
     """
     bin_grid = pair.time_grid.bin_grid
+    # Signal at the edges of the time bins: mean of the two adjacent bins, extrapolated at the first and the last edge.
     edges = np.empty((*signal_counts.shape[:2], layout.bins + 1))
     edges[..., 1:-1] = 0.5 * (signal_counts[..., 1:] + signal_counts[..., :-1])
     edges[..., 0] = signal_counts[..., 0] - np.diff(signal_counts[..., :2], axis=-1).sum(axis=-1) / 2.0
@@ -149,6 +153,7 @@ def _build_lag(pair: Pair, layout: FeatureLayout, signal_counts: FloatArray, hol
     for k in np.flatnonzero(layout.phase[: layout.bins] == Phase.HOLD):
         edges[..., k : k + 2] = signal_counts[..., k, None]  # hold is flat up to its ends
     columns = np.empty((*signal_counts.shape[:2], layout.bins + 1, 1))
+    # A delay t changes a signal s by -t ds/dt, and the onset feature by t times its unit `COUNTS_PER_SECOND`.
     columns[..., :-1, 0] = -np.diff(edges, axis=-1) / (bin_grid.end - bin_grid.begin)
     sensor = pair.groups.sensor
     level = np.stack([np.bincount(sensor, condition, len(pair.sensors.address)) for condition in hold])
@@ -173,6 +178,7 @@ def _build_radial_curve(pair: Pair, grid: Grid, signal_counts: FloatArray, hold:
         share = weight / np.where(total > 0, total, 1.0)
         distance = np.linalg.norm(position - (share @ position)[:, None], axis=2)
         width = np.sqrt((share * distance**2).sum(axis=1, keepdims=True))
+        # The lower limit of half a taxel is needed for a contact on a single taxel, whose width is 0.
         radius[:, taxels] = distance / np.maximum(width, 0.5 * float(pair.taxels.size[taxels].mean()))
         level[:, taxels] = signal_counts[:, taxels].max(axis=1, keepdims=True)
     rings = _evaluate_hats(radius, np.array(RADIUS_KNOTS))[:, :, None] * level[..., None]
@@ -202,7 +208,7 @@ class Grid:
     """
 
     def __init__(self, pair: Pair) -> None:
-        """Find the neighbours by the numbers of the TX and RX lines."""
+        """Find the neighbours of each taxel: the taxels of its board whose TX or RX line number differs by 1."""
         self.sensor = pair.groups.sensor
         keys = [tuple(key) for key in np.column_stack([self.sensor, pair.taxels.tx, pair.taxels.rx]).tolist()]
         index_of_key = {key: k for k, key in enumerate(keys)}
@@ -246,12 +252,13 @@ class Grid:
     def build_line_columns(
         self, signal_counts: FloatArray, along: NDArray[np.intp], across: NDArray[np.intp]
     ) -> FloatArray:
-        """Return the columns of a distortion in which each line shows a share of the signals of the lines of its board.
+        """Return the columns of a distortion that adds signals of other lines to a line, as crosstalk or exchanged
+        lines do.
 
-        For a taxel, column k is the signal of the taxel on line k of the same board that has the same line of the other
-        axis; the last column is an offset. The shape is f64[C, n, B, K + 1] (C conditions, n taxels, B time bins) with
-        the largest number K of lines of a board. If K exceeds `MAX_LINES`, the columns are the taxel's own signal and
-        an offset, f64[C, n, B, 2].
+        Column k of a taxel is the signal where line k of its board crosses the taxel's line of the other axis; 0 if no
+        taxel is there. The last column is an offset. The shape is f64[C, n, B, K + 1] (C conditions, n taxels, B time
+        bins), with the largest number K of lines of a board. If K exceeds `MAX_LINES`, the columns are the taxel's own
+        signal and an offset, f64[C, n, B, 2].
 
         along, across: [n], line of each taxel on the axis of the distortion and on the other axis, numbered over all
         boards.

@@ -141,10 +141,10 @@ def fit_distortion(remainder: Remainder, distortion: Distortion) -> list[Distort
 
 
 def compute_p_value(gram: FloatArray) -> float | None:
-    """Return the one-sided p-value of the mean product of two different sessions against 0; None below 3 sessions.
+    """Test whether the mean product of the residuals of two different sessions is above 0: return the p-value.
 
-    gram: f64[S, S], products of the residuals of each pair of sessions. The test is a t test with the standard error of
-    the jackknife over sessions.
+    gram: f64[S, S], products of the residuals of each pair of S sessions. The test is a one-sided t test with the
+    standard error of the jackknife over sessions. Below 3 sessions the result is None.
     """
     whole = float(compute_off_diagonal_mean(gram))
     replicates = [
@@ -166,7 +166,11 @@ def compute_t_p_value(value: float, error: float | None, sessions: int) -> float
 
 
 def _build_normal_equations(remainder: Remainder, distortion: Distortion) -> _NormalEquations:
-    """Return the normal equations of a distortion for each condition and taxel, with columns scaled to norm 1."""
+    """Return the normal equations of a weighted least-squares fit of a distortion, for each condition and taxel.
+
+    Dimensions in the comments: C conditions, S sessions, n taxels, P features that the distortion changes, K columns.
+    Each column is scaled to the norm 1 over all conditions and taxels.
+    """
     root_weight = remainder.root_weight[distortion.features, 0]
     known = remainder.known[:, :, distortion.features]
     is_known_once: NDArray[np.bool_] = np.asarray(known.any(axis=1))
@@ -204,6 +208,7 @@ def _fit_in_scope(
         weighted = (equations.normal * has_data[:, s, :, None, None] for s in range(has_data.shape[1]))
         normal = np.stack([_sum_groups(belongs, one, 1) for one in weighted], axis=1)
     normal_sum, right_sum = normal.sum(axis=0), right.sum(axis=0)
+    # The columns have the norm 1 over all groups; a column's mean sum of squares in a group is therefore 1 / count.
     ridge = np.eye(normal.shape[-1]) * RIDGE / count
     fitted = np.empty(right.shape)
     for fold in np.unique(remainder.fold):

@@ -65,7 +65,9 @@ def compute_signal_energy(remainder: Remainder, model: FloatArray, bins: int) ->
 
 
 def find_local_deviations(remainder: Remainder, model: FloatArray, bins: int) -> list[LocalDeviation]:
-    """Find conspicuous taxels, lines and boards: at most one result for each kind of location.
+    """Find conspicuous taxels, lines and boards: locations with more of the remainder than their signals account for.
+
+    The result contains at most one deviation for each kind of location, which can name several locations.
 
     model: f64[C, F, n] (C conditions, F features, n taxels), predicted features. bins: B, number of signal features.
     """
@@ -80,7 +82,7 @@ def find_local_deviations(remainder: Remainder, model: FloatArray, bins: int) ->
 
 
 def _compute_excess(scaled: FloatArray, count: NDArray[np.intp]) -> FloatArray:
-    """Return the squared signal of each condition and taxel without the contribution of noise, counts^2, f64[C, n] (C
+    """Return the squared residual of each condition and taxel without the contribution of noise, counts^2, f64[C, n] (C
     conditions, n taxels), summed over the time bins.
 
     The mean product of two different sessions contains no square of noise. With one session the noise cannot be
@@ -97,6 +99,9 @@ def _find_in_scope(
     remainder: Remainder, scope: str, scaled: FloatArray, excess: FloatArray, energy: FloatArray
 ) -> LocalDeviation | None:
     """Return the conspicuous locations of one kind (`scope`), or None if no location is conspicuous.
+
+    A conspicuous location contains a large share of the excess, and at least `MIN_RATIO` times its share of the signal
+    energy. A conspicuous line or board also deviates in most of its taxels and conditions.
 
     scaled: f64[C, S, B, n] (C conditions, S sessions, B time bins, n taxels), weighted residuals of the signal. excess:
     f64[C, n], counts^2. energy: f64[C, n], weighted squared signals, counts^2.
@@ -145,9 +150,10 @@ def locate_explained_part(
 ) -> tuple[str, list[tuple[int, float]]]:
     """Return the kind of location that contains most of an explained excess, and its locations, largest share first.
 
-    The locations are pairs of location number (as in `get_groups`) and share of the explained excess. If the fitted
-    coefficients apply to the whole hand, lines and boards are searched; if a few of them do not contain most of the
-    excess, the kind is the hand, without locations.
+    The locations are pairs of location number (as in `get_groups`) and share of the explained excess. If groups of
+    taxels have their own coefficients, the groups with a share of at least 10 % are returned. If the coefficients apply
+    to the whole hand, lines and boards are searched; if a few of them do not contain most of the excess, the kind is
+    the hand, without locations.
 
     explained: f64[n] (n taxels), explained excess, counts^2. energy: f64[n], signal energy (weighted squared signals),
     counts^2. scope: kind of groups that share coefficients.

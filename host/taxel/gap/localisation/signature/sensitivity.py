@@ -81,7 +81,7 @@ def compute_sensitivity_changes(pair: Pair, hold: FloatArray, counts2: float) ->
     whole = np.einsum("rb,rb->r", np.nan_to_num(factor), weight) / np.where(
         weight.any(axis=1), weight.sum(axis=1), np.nan
     )
-    columns = np.column_stack([whole, factor])
+    columns = np.column_stack([whole, factor])  # ratio of real to predicted signal: whole hand, then each board
     session = np.searchsorted(pair.sessions, pair.real.session)
     changes = []
     for name, test, scale in (
@@ -94,6 +94,7 @@ def compute_sensitivity_changes(pair: Pair, hold: FloatArray, counts2: float) ->
         hand, board_tests = tests[0], tests[1:]
         boards = [k for k, result in enumerate(board_tests) if _is_significant(result.p_value, len(p_values))]
         boards.sort(key=lambda k: -abs(board_tests[k].size))
+        # The squared relative change, without the variance of its estimate, times the squared signal.
         added_gap2 = scale * max(hand.size**2 - hand.size_error**2, 0.0) * counts2
         changes.append(SensitivityChange(name, hand.size, added_gap2, p_value, tuple(boards), hand.is_monotone))
     return changes
