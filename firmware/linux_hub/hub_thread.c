@@ -78,7 +78,21 @@ static int create_lock(struct hub_thread *thread)
     (void)pthread_condattr_setclock(&attributes, CLOCK_MONOTONIC);
     error = pthread_cond_init(&thread->changed, &attributes);
     (void)pthread_condattr_destroy(&attributes);
-    return error ? error : pthread_mutex_init(&thread->lock, NULL);
+    if (error) {
+        return error;
+    }
+    error = pthread_mutex_init(&thread->lock, NULL);
+    if (error) {
+        (void)pthread_cond_destroy(&thread->changed);
+    }
+    return error;
+}
+
+/* Destroy lock and condition variable. */
+static void destroy_lock(struct hub_thread *thread)
+{
+    (void)pthread_cond_destroy(&thread->changed);
+    (void)pthread_mutex_destroy(&thread->lock);
 }
 
 /* Close the event, and release the memory of the hub and of `thread`. The thread must have ended, or not have
@@ -105,8 +119,14 @@ struct hub_thread *hub_thread_start(int fd, const struct linux_hub_settings *set
     thread->hub = linux_hub_create(settings, &bus);
     thread->event_fd = eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK);
     int error = !thread->hub || thread->event_fd < 0 ? errno : create_lock(thread);
-    error = error ? error : pthread_create(&thread->thread, NULL, run, thread);
+    if (!error) {
+        error = pthread_create(&thread->thread, NULL, run, thread);
+        if (error) {
+            destroy_lock(thread);
+        }
+    }
     if (error) {
+        i2c_dev_release(&thread->device);
         destroy(thread);
         errno = error;
         return NULL;
@@ -123,8 +143,7 @@ void hub_thread_stop(struct hub_thread *thread)
     (void)pthread_mutex_unlock(&thread->lock);
     (void)pthread_join(thread->thread, NULL);
     i2c_dev_release(&thread->device);
-    (void)pthread_cond_destroy(&thread->changed);
-    (void)pthread_mutex_destroy(&thread->lock);
+    destroy_lock(thread);
     destroy(thread);
 }
 

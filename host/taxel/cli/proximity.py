@@ -26,6 +26,7 @@ from taxel.proximity import (
     read_holds,
 )
 from taxel.proximity.calibration_merge import merge_calibrations
+from taxel.proximity.estimator import BASELINE_FRAMES
 from taxel.proximity.hold_signals import HoldCounts
 from taxel.proximity.holds import MAX_DISTANCE_M, TARGET_NAME
 from taxel.proximity.live_holds import take_hold
@@ -242,7 +243,7 @@ def _print_estimates(skin: Skin, calibration: Path, horizon_s: float, seconds: f
         if seconds is not None and frame.time_s - first_s >= seconds:
             break
     if not is_ready:
-        raise TaxelError(f"{skin.link.name}: no board completed its baseline of 40 frames; check board and hand")
+        raise TaxelError(f"{skin.link.name}: no board completed its baseline of {BASELINE_FRAMES} frames; check board and hand")
 
 
 def _print_estimate(estimate: ProximityEstimate, printed: dict[int, tuple[float, bool]], as_json: bool) -> None:

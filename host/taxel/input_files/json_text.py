@@ -29,6 +29,9 @@ data need a few calls for each level, and Python permits 1000.
 _DIGITS_MAX: Final = 21
 """Largest number of characters of an integer: sign and the digits of an integer of 64 bits."""
 
+_BITS_MAX: Final = 64
+"""Largest number of bits of an integer without its sign: the widest integer type of the fields of a file."""
+
 _OPENING: Final = np.frombuffer(b"[{", np.uint8)
 _CLOSING: Final = np.frombuffer(b"]}", np.uint8)
 _SURROGATE: Final = re.compile(rb"\\u[dD][89a-fA-F]")
@@ -102,9 +105,10 @@ def _parse_float(text: str) -> float:
 
 
 def _parse_integer(text: str) -> int:
-    """Parse an integer. Raises TextError for more digits than an integer of 64 bits has."""
-    if len(text) > _DIGITS_MAX:
-        raise TextError("file", f"integers of at most {_DIGITS_MAX - 1} digits", f"one of {len(text)} characters")
+    """Parse an integer. Raises TextError for an integer of more than 64 bits."""
+    # The length is checked first, because the conversion of a long text takes a time that grows with its square.
+    if len(text) > _DIGITS_MAX or int(text).bit_length() > _BITS_MAX:
+        raise TextError("file", f"integers of at most {_BITS_MAX} bits", f"an integer of {len(text)} characters")
     return int(text)
 
 

@@ -177,10 +177,10 @@ def _group_by_height(boards: Sequence[Board]) -> list[list[Board]]:
 
 def _shorten_name(name: str) -> str:
     """Return the label of a board: with an abbreviated prefix, or cut to `LONGEST_LABEL` characters for other names."""
+    label = _SPECIAL_LABELS.get(name, name.replace("_", " "))
     for prefix, short in _SHORT_PREFIXES:
         if name.startswith(prefix):
-            return name.replace(prefix, short)
-    label = _SPECIAL_LABELS.get(name, name.replace("_", " "))
+            label = short + name.removeprefix(prefix)
     return label if len(label) <= LONGEST_LABEL else label[: LONGEST_LABEL - 1] + "…"
 
 

@@ -178,6 +178,8 @@ def test_answer_with_an_unknown_effect_or_a_probability_above_one_is_refused():
         check_answer({"gremlins": 1.0}, "mine")
     with pytest.raises(PluginError, match="expected a probability"):
         check_answer({"noise": 1.5}, "mine")
+    with pytest.raises(PluginError, match="noise: expected a probability, found 'often'"):
+        check_answer({"noise": "often"}, "mine")
 
 
 def test_least_squares_names_an_effect_of_the_response_for_a_signal_reduced_to_60_percent(simulated):

@@ -116,7 +116,8 @@ def test_numbers_and_texts_with_dots_are_no_dotted_keys():
         (b'{"a": 1, "a": 2}', "file: expected each key of an object once, found 'a' twice"),
         (b'[1,\n"\xff"]', "line 2: expected UTF-8 text, found byte 0xFF"),
         (b"[1,\n2", "line 2: expected valid JSON, found Expecting ',' delimiter in column 2"),
-        (b"9" * 10_000, "file: expected integers of at most 20 digits, found one of 10000 characters"),
+        (b"[18446744073709551616]", "file: expected integers of at most 64 bits, found an integer of 20 characters"),
+        (b"9" * 10_000, "file: expected integers of at most 64 bits, found an integer of 10000 characters"),
     ],
 )
 def test_an_invalid_json_text_gives_one_error(data, message):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from numbers import Real
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any, Final
@@ -19,7 +20,6 @@ OWN_ENTRIES: Final[Mapping[str, str]] = MappingProxyType(
         "least squares": "taxel.blind.benchmark.least_squares:diagnose_by_least_squares",
     }
 )
-
 """Module and function of each diagnosis of the project, by name."""
 
 Entry = Callable[[Path, Path, int], Mapping[str, float]]
@@ -44,8 +44,8 @@ def check_answer(answer: Mapping[str, Any], name: str) -> dict[str, float]:
     for effect, value in answer.items():
         if effect not in known:
             raise PluginError(f"diagnosis '{name}': expected names of effects, unknown or no_gap, found '{effect}'")
-        if not 0.0 <= float(value) <= 1.0:
-            raise PluginError(f"diagnosis '{name}': {effect}: expected a probability, found {value}")
+        if not isinstance(value, Real) or not 0.0 <= float(value) <= 1.0:
+            raise PluginError(f"diagnosis '{name}': {effect}: expected a probability, found {value!r}")
     return {effect: float(value) for effect, value in answer.items()}
 
 

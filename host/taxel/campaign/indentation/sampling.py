@@ -143,7 +143,7 @@ class _ApproachSampler:
         fewest = min(self._approaches_of.values())
         if fewest < MIN_APPROACHES_PER_BOARD:
             needed = MIN_APPROACHES_PER_BOARD * len(self._approaches_of)
-            expected = f"up to {needed} for {len(self._approaches_of)} boards"
+            expected = f"at least {needed} for {len(self._approaches_of)} boards"
             raise IndentationPlanError("approaches", expected, str(count))
         order = self._rng.permutation(count).tolist()
         return tuple(

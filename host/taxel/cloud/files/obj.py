@@ -48,6 +48,6 @@ def _parse_corner(source: Source, word: str, vertices: int, line: int) -> int:
     """
     text = word.partition("/")[0]
     value = parse_natural(text.removeprefix("-"))
-    if value is None:
+    if value is None or (value == 0 and text.startswith("-")):
         source.fail(f"line {line}", "vertex numbers", quote(word), "correct it")
     return vertices - value if text.startswith("-") else value - 1

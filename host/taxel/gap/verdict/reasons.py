@@ -30,11 +30,8 @@ def list_reasons(composite: CompositeModel, faults: Sequence[SimulatorFault]) ->
         for row, parameter in enumerate(fitted.effect.parameters()):
             values = fitted.values[row]
             span = parameter.high - parameter.low
-            at_low, at_high = (
-                bool(np.any(np.abs(values - end) < 1e-6 * span)) for end in (parameter.low, parameter.high)
-            )
-            bound = parameter.low if at_low else parameter.high
-            if (at_low and parameter.low != parameter.neutral) or (at_high and parameter.high != parameter.neutral):
-                name = f"{parameter.name} of {fitted.effect.name}".replace("_", " ")
-                reasons.append(f"{name} is at its bound, {bound:g}")
+            name = f"{parameter.name} of {fitted.effect.name}".replace("_", " ")
+            for bound in (parameter.low, parameter.high):
+                if bound != parameter.neutral and np.any(np.abs(values - bound) < 1e-6 * span):
+                    reasons.append(f"{name} is at its bound, {bound:g}")
     return reasons

@@ -80,7 +80,7 @@ class LinuxHubLink:
     def write(self, data: bytes) -> None:
         """Send bytes to the hub.
 
-        Raises `LinkError` if the hub does not accept all of them within 2 s, or if the adapter has failed.
+        Raises `LinkError` if the hub accepts no byte for 2 s, or if the adapter has failed.
         """
         deadline = time.monotonic() + WRITE_TIMEOUT_S
         while data:
@@ -92,6 +92,8 @@ class LinuxHubLink:
             if failure:
                 raise PortVanishedError(self.name, _describe_failure(failure))
             data = data[sent:]
+            if sent:
+                deadline = time.monotonic() + WRITE_TIMEOUT_S
             if data:
                 if time.monotonic() > deadline:
                     raise LinkError(self.name, "the hub accepts no bytes; a transfer on the bus does not end")
