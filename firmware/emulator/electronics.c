@@ -115,8 +115,8 @@ struct electronics *electronics_open(const struct world_description *world, size
     return electronics;
 }
 
-/* Update everything that depends on the scan settings: parameters and calibration of the network of the lines. Call
- * after the front end was configured. */
+/* Update the crosstalk model after the front end was configured: the impedances of its line network at the new TX
+ * frequency, and the calibration that keeps the mean count without contact unchanged. */
 void electronics_configure(struct electronics *electronics)
 {
     coupling_configure(&electronics->coupling, &electronics->effects->coupling.board[electronics->board],
@@ -132,8 +132,8 @@ void electronics_configure(struct electronics *electronics)
     }
 }
 
-/* Compute the capacitances of all crossings at the time of this conversion. They are used for all conversions of the TX
- * line in this scan. */
+/* Compute the capacitances of all crossings at the time of this conversion. All conversions of TX line `tx` in this
+ * scan use the result. */
 static void compute_crossings(struct electronics *electronics, const struct electronics_conversion *conversion, int tx)
 {
     double rise[TAXEL_TAXELS_MAX];

@@ -27,9 +27,9 @@ static int set_nonblocking(int fd)
     return flags < 0 ? -1 : fcntl(fd, F_SETFL, flags | O_NONBLOCK);
 }
 
-/* Open a pseudo-terminal for a host. Returns 0, or -1 on an error. The slave side is set to raw mode before a
- * client opens it, because otherwise the terminal would echo the first bytes. It is then closed here, so that
- * POLLHUP reports that the client has closed its end. */
+/* Open a pseudo-terminal for a host. Returns 0, or -1 on an error. The slave side is set to raw mode before a client
+ * opens it, because otherwise the terminal would echo the first bytes. The emulator then closes its own descriptor of
+ * the slave side, so that POLLHUP reports that the client has closed its end. */
 static int open_pty(struct endpoint *endpoint)
 {
     struct termios settings;

@@ -38,6 +38,7 @@ int host_script_open(struct host_script *script, const char *path)
     if (fread(start, sizeof start, 1, script->file) != 1 || memcmp(start, "TAXELCAP", 8) != 0) {
         return report_error(script, "expected a capture file that starts with TAXELCAP");
     }
+    /* bytes 8 and 9: version; bytes 12 to 15: length of the JSON header, which is skipped */
     if (get_le(start + 8, 2) != 1u || fseek(script->file, (long)get_le(start + 12, 4), SEEK_CUR)) {
         return report_error(script, "the capture's version is unknown or its header is damaged; expected version 1");
     }

@@ -157,7 +157,7 @@ void hub_cortex_run(struct hub_node *node, vtime until)
     }
 }
 
-/* Pass an event of the bus to the I2C block of the hub's processor, after the processor has run until then. */
+/* Run the hub's processor up to the virtual time `now`, then pass the present event of the bus to its I2C block. */
 void hub_cortex_on_bus_event(struct hub_node *node, vtime now)
 {
     static const enum psoc_i2c_event events[] = {
@@ -178,7 +178,7 @@ void hub_cortex_stall(struct hub_node *node, vtime until)
     psoc_stall(node->psoc, until);
 }
 
-/* Let the processor of the executed hub take a HardFault. */
+/* Make the emulated processor of a hub that executes an image take a HardFault. */
 void hub_cortex_take_hard_fault(struct hub_node *node)
 {
     psoc_inject_hard_fault(node->psoc);

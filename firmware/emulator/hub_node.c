@@ -15,7 +15,7 @@ static vtime cycles_to_time(const struct hub_node *node, double count)
     return (vtime)(count / CPU_HZ / node->clock_rate * (double)VTIME_SECOND);
 }
 
-/* Move the time at which the hub's main loop runs next to `time`, if that is earlier. */
+/* Make the hub's main loop run at `time` at the latest: bring its next run forward if `time` is earlier. */
 static void wake_not_after(struct hub_node *node, vtime time)
 {
     node->wake = vtime_min(node->wake, time);
@@ -257,7 +257,8 @@ void hub_node_boot(struct hub_node *node, vtime now, uint8_t reset_cause)
     handle_boot_outcome(node, boot_node_reset(&node->boot, now, reset_cause));
 }
 
-/* Run one pass of the bootloader's main loop, then transmit its response; or reset a hanging image. */
+/* Run one pass of the bootloader's main loop, then transmit its response. If an image hangs, reset the hub instead, as
+ * its watchdog does. */
 static void run_bootloader(struct hub_node *node, vtime now)
 {
     node->now = now;
@@ -396,9 +397,9 @@ void hub_node_run(struct hub_node *node, vtime horizon)
     node->wake = VTIME_NEVER;
     node->now = start + cycles_to_time(node, COST_HUB_PASS);
     taxel_hub_run(&node->hub);
-    /* The hub checks and frames a snapshot after it has started the next transfer: this occupies the CPU, but not the
-     * bus. */
-    /* negative if frames were dropped */
+    /* The hub checks and frames a snapshot after it has started the next transfer, so this work occupies the CPU, but
+     * not the bus. */
+    /* The difference is negative if frames were dropped, because the hub subtracts their bytes. */
     const double framed = fmax(0.0, (int32_t)(node->hub.outbox.bytes_sent - sent));
     node->cpu_free = node->now + cycles_to_time(node, framed * COST_HUB_FRAME_BYTE);
     if (node->restart_requested) {

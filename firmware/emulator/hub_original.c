@@ -88,7 +88,8 @@ static double to_seconds(vtime time)
     return (double)time / (double)VTIME_SECOND;
 }
 
-/* Write the account of the hub's cycles as the member `original` of a JSON object, followed by a comma. */
+/* Write the sums of the hub's poll cycles (numbers of cycles, messages, failed tries and bytes; times in seconds) as
+ * the member `original` of a JSON object, followed by a comma. */
 void hub_original_write_statistics(const struct hub_node *node, FILE *file)
 {
     const struct original_account account = original_hub_measure_cycles(node->original);

@@ -36,7 +36,8 @@ void uart_stop_transmit(struct uart *uart)
 }
 
 /* Send the bytes that the USB adapter has collected to the host. Bytes that the host does not accept stay, and are sent
- * again later; the hub's transmitter waits while the adapter's buffer is full. */
+ * again later. The hub's transmitter waits until the adapter's buffer has space for twice the bytes of a FIFO, because
+ * an injected fault may double each byte. */
 void uart_flush_packet(struct uart *uart, vtime now)
 {
     if (now < uart->to_host_faults.held_until) {
@@ -114,9 +115,9 @@ static void schedule_next_byte(struct uart *uart, vtime start)
     uart->receive_next = is_empty || is_adapter_stopped(uart) ? VTIME_NEVER : vtime_max(start, ready) + uart->byte_time;
 }
 
-/* Queue bytes from the host to the hub in the USB adapter. Returns the number accepted, less than `size` if its buffer
- * is full. A latency of at most one USB frame delays only the first byte on an idle line, a longer latency delays every
- * byte. */
+/* Queue bytes from the host to the hub in the USB adapter. Returns the number of accepted bytes, less than `size` if
+ * the adapter's buffer is full. A latency of at most one USB frame delays only the first byte on an idle line; a longer
+ * latency delays every byte. */
 size_t uart_send_from_host(struct uart *uart, const uint8_t *bytes, size_t size, vtime now)
 {
     size_t accepted = 0;

@@ -12,8 +12,9 @@ static bool removes_byte(enum fault_kind kind)
     return kind == FAULT_UP_DROP || kind == FAULT_DOWN_DROP;
 }
 
-/* Schedule a fault of one direction of the UART: a delay in milliseconds, or a change of bytes from `value` bytes after
- * the current position on. Returns false if too many are pending. */
+/* Schedule a fault of one direction of the UART: a delay of `value` milliseconds, or a change of the bytes from `value`
+ * bytes after the current position on. `second_value` is the number of the bit to invert in one byte (flip), or the
+ * number of bytes to remove or double. Returns false if too many faults are pending. */
 bool uart_faults_add(struct uart_faults *line, const struct fault_description *fault, vtime now)
 {
     if (fault->kind == FAULT_UP_DELAY || fault->kind == FAULT_DOWN_DELAY) {

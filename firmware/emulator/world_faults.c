@@ -77,7 +77,8 @@ static int apply_to_branch(struct world *world, const struct fault_description *
     return 0;
 }
 
-/* Apply a fault of the hub, the UART, the bus, or the endpoint (the connection to a host program). Returns 0, or -1 if too many faults are pending. */
+/* Apply a fault of the hub, the UART, the bus, or the endpoint (the connection to a host program). Returns 0, or -1 if
+ * too many faults are pending. */
 static int apply_fault(struct world *world, const struct fault_description *fault)
 {
     const vtime now = world->now;

@@ -38,8 +38,8 @@ static void finish_board_field(void *context, size_t index)
     task->has_failed[index] = board_fields_remember(&board->fields, task->time) != 0;
 }
 
-/* Advance the boards to `now` under the present fields, and store these fields where a late board needs them.
- * Returns 0, or -1 without memory. */
+/* Advance the boards to `now` under the present fields, and store these fields for the boards that measure with a delay
+ * (effect `late`). Returns 0, or -1 if out of memory. */
 static int finish_fields(struct world *world, vtime now)
 {
     struct board_task task = {.world = world, .time = now};

@@ -45,6 +45,7 @@ void model_boot(struct board_model *model, const uint8_t version[3], uint8_t kin
     memcpy(model->boot_settings, old.boot_settings, sizeof model->boot_settings);
     memcpy(model->settings, old.boot_settings, sizeof model->settings);
     uint8_t *const id = model->identity;
+    /* who_am_i, map version, firmware version, kind, address, map revision */
     const uint8_t head[8] = {0x54, 1, version[0], version[1], version[2], kind, model->address, 1};
     memcpy(id, head, sizeof head);
     memcpy(id + 8, unique_id, 8);

@@ -48,9 +48,10 @@ static uint16_t u16_at(const uint8_t *bytes)
 }
 
 /* Return whether a body (a frame without stuffing: type, sequence, length, payload, CRC) is valid in this protocol
- * version: type, length, I2C address and number of taxels are checked. 9 bytes of a body are no payload. A payload
- * TAXELS (type 0x02) has 18 bytes and 2 for each taxel; its byte 1 is the number of taxels. The numbers of SPEC.md are
- * repeated here, so that the oracle is independent of the deframer under test. */
+ * version: type, length, I2C address and number of taxels are checked. A body is 9 bytes longer than its payload, which
+ * begins at byte 5. A payload TAXELS (type 0x02) has 18 bytes and 2 for each taxel; byte 1 of this payload is the
+ * number of taxels. The numbers of SPEC.md are repeated here, so that the oracle is independent of the deframer under
+ * test. */
 static bool is_body_known(const uint8_t *body, size_t size, uint8_t directions)
 {
     const struct type_rule *rule = rule_of(body[0], directions);
@@ -62,8 +63,9 @@ static bool is_body_known(const uint8_t *body, size_t size, uint8_t directions)
 }
 
 /* Unstuff and unwhiten the complete frame that begins at `bytes`. Returns the length of its body and, in `taken`, the
- * number of stuffed bytes; 0 if no frame with a valid CRC begins there. From SPEC.md: whitening sequence k[0] = 0xA5,
- * k[i+1] = 5 k[i] + 0x6B modulo 256; payload at most 498 bytes, body 9 bytes longer. */
+ * number of stuffed bytes; 0 if no frame with a valid CRC begins there. Stuffing of SPEC.md (COBS): a code byte n
+ * stands before n - 1 data bytes and, unless n is 255, one removed zero. Whitening sequence of SPEC.md: k[0] = 0xA5,
+ * k[i+1] = 5 k[i] + 0x6B modulo 256. A payload has at most 498 bytes; the body is 9 bytes longer. */
 static size_t body_at(const uint8_t *bytes, size_t size, uint8_t *body, size_t *taken)
 {
     size_t length = 0, expected = 0, position = 0;
@@ -144,10 +146,11 @@ struct board_history {
 };
 
 /* Compute the flags and the number of missing cycles of a frame with taxel data, and add both to the totals of its
- * board. A snapshot with a wrong CRC of the board is damaged. Missing cycles are those since the board's last frame,
- * whose cycle and scan numbers are in `history`, indexed by I2C address. Their number is the
- * smaller of the differences of cycle and scan number, minus 1. For a compact frame (type 0x03) one scan less is
- * counted, because the board may have been coding. */
+ * board. A snapshot with a wrong CRC of the board is damaged. Missing cycles are the poll cycles since the board's last
+ * frame whose frame of the board was lost. `history` contains cycle and scan number of the last frame of each board,
+ * indexed by I2C address. The number of missing cycles is the smaller of the differences of cycle and scan number,
+ * minus 1. For a compact frame (type 0x03) the difference of the scan number is reduced by 1, because a board that is
+ * coding a snapshot has no frame to send. */
 static void count_board(struct oracle *oracle, struct oracle_frame *frame, struct board_history *history)
 {
     struct taxel_batch_totals *totals = &oracle->totals;
@@ -233,7 +236,7 @@ static void count_losses(struct oracle *oracle)
     }
 }
 
-/* Removes the unknown frames, which no decoder delivers, from the expected frames. */
+/* Remove the unknown frames, which no decoder delivers, from the expected frames. */
 static void remove_unknown(struct oracle *oracle)
 {
     size_t kept = 0;

@@ -94,9 +94,9 @@ static void boot(void)
     taxel_scan_start(&sensor);
 }
 
-/* Run one complete scan of the board and remember its counts in the history. The low two bits of `pattern` select
- * unchanged counts (0), small changes (1), jumps of a few taxels as in a contact (2), or any counts (3); the higher
- * bits are the time per taxel in microseconds, less one. */
+/* Run one complete scan of the board and store its counts in the history. The low two bits of `pattern` select
+ * unchanged counts (0), small changes of -3 to 3 (1), jumps of a few taxels as in a contact (2), or any counts (3); the
+ * higher bits are the time per taxel in microseconds, less one. */
 static void run_scan(uint8_t pattern, uint64_t *state)
 {
     struct scan *slot = &history[sensor.scan.scans % HISTORY];

@@ -50,7 +50,8 @@ static size_t make_command(struct fuzz_input *input, uint8_t *wire)
     static const uint8_t lengths[16] = {0, 0, 0, 4, 0, 2, 9, 0, 0, 1, 0, 0, 0, 0, 0, 0};
     const uint8_t selector = fuzz_u8(input), tag = fuzz_u8(input);
     uint8_t payload[TAXEL_HUB_COMMAND_PAYLOAD_MAX] = {tag, selector & 15u};
-    const size_t more = selector & 0x80u ? selector >> 4 & 7u : 0; /* excess bytes, or bytes to write */
+    const size_t more = selector & 0x80u ? selector >> 4 & 7u : 0; /* number of excess bytes, or of bytes that an I2C
+                                                                    * transfer writes; 7 stands for 56 bytes */
     const size_t size = 2u + lengths[selector & 15u] + more * (more == 7u ? 8u : 1u);
     (void)fuzz_bytes(input, payload + 2, size - 2u);
     bench.compact_requested =
@@ -58,8 +59,8 @@ static size_t make_command(struct fuzz_input *input, uint8_t *wire)
     return bench_frame(TAXEL_FRAME_TYPE_COMMAND, payload, size, wire, WIRE_MAX);
 }
 
-/* Send one command to the hub. Its `variant` 3 sends two commands without a delimiter between them, 2 damages one
- * byte. */
+/* Send one command to the hub. variant: 0 and 1 send the command unchanged, 2 damages one byte, 3 sends two commands
+ * without a delimiter between them. */
 static void send_command(struct fuzz_input *input, uint8_t variant)
 {
     uint8_t wire[2u * WIRE_MAX];
@@ -240,8 +241,9 @@ static void run_without_faults(void)
 }
 
 /* Take all bytes from the hub and check the final counters: frames and bytes pulled equal those sent. `lost` is the
- * number of commands without a reply. It is 0 if the host sent only valid bytes, and otherwise at most the number of
- * dropped frames. Rejected commands are those with a failure reply, plus some of the lost ones at most. */
+ * number of commands without a reply. This number is 0 if the host sent only valid bytes, and otherwise at most the
+ * number of dropped frames. The hub has rejected at least the commands with a failure reply, and at most the lost
+ * commands in addition. */
 static void check_end(void)
 {
     const struct taxel_hub *hub = &bench.hub;

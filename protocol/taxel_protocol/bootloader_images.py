@@ -44,7 +44,8 @@ def build_image(device: BootDevice, slot: int, kind: int, version: tuple[int, in
 def build_record(magic: int, sequence: int, content: bytes) -> bytes:
     """Build the 128 bytes of flash that store a record of the bootloader.
 
-    magic: identifies the type of record. Raises ValueError for more than 112 bytes of content.
+    magic: identifies the type of record. sequence: one more than that of the previous record, so that the newest of
+    several valid records can be found. Raises ValueError for more than 112 bytes of content.
     """
     if len(content) > 112:
         raise ValueError(f"a record has at most 112 bytes of content, not {len(content)}")

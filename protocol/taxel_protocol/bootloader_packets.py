@@ -77,9 +77,10 @@ def find_unique_ids(send_search: Callable[[int, bytes], bytes | None]) -> list[b
     """Find the unique ids of all boards that share one I2C address, by a binary search over id prefixes.
 
     `send_search(bits, prefix)` sends a SEARCH and returns the 16 data bytes of its reply without checking its checksum,
-    or None if no board acknowledged the read. Where two boards differ, the bus carries 0 in both id and complement: the
-    set of boards is split at the first such bit. n boards take 2 n - 1 searches, and one more each as a confirmation.
-    Raises ValueError if a reply is inconsistent.
+    or None if no board acknowledged the read. All boards whose id begins with the prefix answer at the same time, and
+    the bus carries the AND of their answers. At a bit in which two boards differ, both id and complement are therefore
+    0: the set of boards is split at the first such bit. n boards take 2 n - 1 searches, and one more search for each
+    board, which confirms its complete id. Raises ValueError if a reply is inconsistent.
     """
     unique_ids: list[bytes] = []
     open_prefixes = [(0, bytes(8))]

@@ -72,6 +72,7 @@ class Taxel:
         distance = self.distance(difference)
         size = min(abs(distance), t.COMPACT_REACH)
         corner, fraction = size >> t.COMPACT_STEP_BITS, size & ((1 << t.COMPACT_STEP_BITS) - 1)
+        # The table contains one half of the symmetric distribution; values between its corners are interpolated.
         share = t.COMPACT_CUMULATIVE[corner]
         if fraction:
             share += (t.COMPACT_CUMULATIVE[corner + 1] - share) * fraction >> t.COMPACT_STEP_BITS
@@ -135,9 +136,10 @@ class KeyFrame:
 
 
 def start_key_frame(key_frame_id: int, timestamp_us: int, counts: Sequence[int], start: int = 0) -> KeyFrame:
-    """Return the key frame that follows from a packed frame marked as key frame, as start of the predictions.
+    """Return the key frame that follows from a packed frame marked as key frame: the first predictions of the counts.
 
-    start: bits 5 and 6 of the frame's format byte, which select the first level of the scale.
+    The predicted mean of each taxel, in 64ths of a count, is its count in the frame. start: bits 5 and 6 of the frame's
+    format byte, which select the first level of the scale (the logarithm of the predicted spread).
     """
     level = t.COMPACT_LEVEL_START + start * t.COMPACT_LEVEL_START_STEP
     return KeyFrame(key_frame_id, timestamp_us, 1, tuple(Taxel(64 * count, level) for count in counts))
@@ -146,7 +148,9 @@ def start_key_frame(key_frame_id: int, timestamp_us: int, counts: Sequence[int],
 def update_key_frame(previous: KeyFrame, key_frame_id: int, timestamp_us: int, counts: Sequence[int]) -> KeyFrame:
     """Return the key frame that follows from a delta frame marked as key frame.
 
-    previous: the key frame against which the delta frame is coded.
+    previous: the key frame against which the delta frame is coded. counts: decoded counts of the delta frame, by which
+    the prediction of each taxel is updated. The gain of the update depends on the number of updates since the last
+    packed key frame.
     """
     gain = t.COMPACT_GAINS[previous.updates - 1]
     taxels = tuple(taxel.update(count, gain) for taxel, count in zip(previous.taxels, counts, strict=True))
@@ -183,6 +187,7 @@ class RangeEncoder:
         """Return the shortest bytes that identify the interval of the range coder, without trailing zero bytes."""
         for kept in range(5):
             unit = 1 << (32 - 8 * kept)
+            # The low end, rounded up to a multiple of `unit`: of its last four bytes, only the first `kept` are output.
             value = -(-self._low // unit) * unit
             if value < self._low + self._range:
                 return (value // unit).to_bytes(self._shifted + kept, "big").rstrip(b"\0")
@@ -343,7 +348,7 @@ def decode(address: int, taxel_count: int, data: bytes, key_frames: Sequence[Key
         or crc32(data[:-4], crc32(bytes([address]))).to_bytes(4, "little") != data[-4:]
     ):
         raise CompactError("the CRC-32 of a compact snapshot is wrong")
-    own_id = int.from_bytes(data[-4:-2], "little")
+    own_id = int.from_bytes(data[-4:-2], "little")  # id of this snapshot as a key frame: low 16 bits of its CRC-32
     format_byte = data[2]
     width = format_byte & COMPACT_WIDTH_MASK
     start = (format_byte & COMPACT_START_MASK) >> COMPACT_START_SHIFT

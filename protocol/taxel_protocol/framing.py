@@ -54,7 +54,11 @@ def whiten(body: bytes) -> bytes:
 
 
 def cobs_encode(data: bytes) -> bytes:
-    """Encode `data` without zero bytes, by consistent overhead byte stuffing (COBS; Cheshire and Baker, 1999)."""
+    """Encode `data` without zero bytes, by consistent overhead byte stuffing (COBS; Cheshire and Baker, 1999).
+
+    A block is a code byte, which is the size of the block, and up to 254 bytes. A zero follows a decoded block, unless
+    the block is full (code 0xFF) or the last one.
+    """
     out = bytearray()
     for is_last, block in _split_at_zeros(data):
         while len(block) > 254 or (len(block) == 254 and not is_last):
@@ -113,10 +117,10 @@ def encode_frame(frame_type: int, sequence: int, payload: bytes) -> bytes:
 
 
 def is_plausible_header(body: bytes) -> bool:
-    """Return whether this version defines a frame: type, payload length, board address and number of taxels.
+    """Return whether this version permits the type, payload length, board address and number of taxels of a frame.
 
-    body: unstuffed, unwhitened frame or its start, at least 5 bytes; the address is checked with 6 bytes, the number of
-    taxels with 7.
+    body: unstuffed, unwhitened frame or its start, at least 5 bytes. The address is checked if `body` has 6 bytes, and
+    the number of taxels if `body` has 7.
     """
     try:
         spec = FRAMES[FrameType(body[0])]
@@ -127,7 +131,7 @@ def is_plausible_header(body: bytes) -> bool:
         return False
     if spec.has_address and len(body) > 5 and not ADDRESS_MIN <= body[5] <= ADDRESS_MAX:
         return False
-    if body[0] == FrameType.TAXELS and len(body) > 6:
+    if body[0] == FrameType.TAXELS and len(body) > 6:  # 8 bytes of taxel header, then a snapshot of 2 bytes per taxel
         return length == 8 + SNAPSHOT_OVERHEAD + 2 * body[6]
     return True
 

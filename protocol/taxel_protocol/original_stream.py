@@ -139,7 +139,7 @@ class OriginalDecoder:
         if length is None or (length and start + length > len(self._buffer)):
             if not is_end:
                 return False
-            self.rejected_candidates += length is not None
+            self.rejected_candidates += length is not None  # None: not even the header is complete
         elif length:
             if self._buffer[start + length - 1] != END:
                 self.rejected_candidates += 1
@@ -179,9 +179,11 @@ class OriginalDecoder:
                     length = self._match_header(one.end)
                     if length is None and not is_end:
                         return False
-                    one.has_evidence = length != 0  # None: the stream ends behind it, at most with a part of a header
+                    # None: the stream ends directly behind the candidate or inside the next header.
+                    one.has_evidence = length != 0
         if current and current.has_evidence:
             self._strong_end = max(self._strong_end, current.end)
+        # `_strong_end` behind the start: an earlier candidate with evidence overlaps this one.
         is_beaten = not candidate.has_evidence and self._strong_end > candidate.start
         if is_beaten:
             self.ambiguous_candidates += 1
@@ -199,7 +201,10 @@ class OriginalDecoder:
         return int.from_bytes(self._buffer[start + HEADER_SIZE : start + HEADER_SIZE + 4], "big")
 
     def _is_plausible(self, time_ms: int) -> bool:
-        """Return whether a time follows a reference time closely; time 0 (start of the hub) is always a reference."""
+        """Return whether a time follows a reference time by at most `TIME_STEP_MAX_MS`.
+
+        The reference times are those of the latest messages, and 0, the time at which the hub starts.
+        """
         return time_ms <= TIME_STEP_MAX_MS or any(
             (time_ms - reference) % _CLOCK_RANGE_MS <= TIME_STEP_MAX_MS for reference in self._times
         )

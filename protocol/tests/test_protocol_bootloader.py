@@ -63,6 +63,7 @@ def test_flash_table_of_the_spec_equals_the_layouts(column: int, device: BootDev
     assert ends[-1] + 1 == layout.configuration_row  # no row is without use
     assert rows["configuration"] == [layout.configuration_row, layout.configuration_row + 1]
     assert rows["metadata"] == [layout.metadata_row, layout.row_count - 1]
+    # Sizes of a slot in KiB that the text of SPEC.md states for each device.
     small, large = {BootDevice.BOARD_16K: 11.5}, {BootDevice.BOARD_64K: 27.75, BootDevice.HUB_64K: 27.75}
     assert layout.slot_size == ({device: 13.75} | small | large)[device] * 1024
 
@@ -152,6 +153,7 @@ def test_an_image_for_slot_b_of_a_device_with_one_slot_is_rejected() -> None:
 
 
 def test_an_image_that_does_not_fit_its_slot_is_rejected() -> None:
+    """A slot of a board has 13.75 KiB = 14080 bytes. An image is a header of 32 bytes and a program of 8 or more."""
     assert len(build_image(BootDevice.BOARD, 0, 0, (1, 0, 0), bytes(14080 - 32))) == 14080
     for size in (0, 4, 14080 - 31):
         with pytest.raises(ValueError, match="an image for this slot has 40 to 14080 bytes"):

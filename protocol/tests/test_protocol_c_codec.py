@@ -50,6 +50,7 @@ def test_c_batch_decoder_decodes_the_vector_and_checks_the_boards_own_crc(codec:
 @every_stream
 @pytest.mark.parametrize("piece", [1, 7, 509, 1 << 20])
 def test_c_decodes_a_damaged_stream_in_pieces_of_any_size(codec: Any, vector: dict[str, Any], piece: int) -> None:
+    """In a vector, `expected` contains the indices of the sent frames that a decoder must find."""
     stream = bytes.fromhex(vector["stream"])
     pieces = [stream[i : i + piece] for i in range(0, len(stream), piece)]
     expected = [build_sent_frame(vector["sent"][i]) for i in vector["expected"]]

@@ -149,7 +149,7 @@ def test_the_predicted_count_never_needs_an_escape() -> None:
 def test_c_updates_a_state_as_the_definition_does(library: Any, taxel: Taxel, count: int, updates: int) -> None:
     if count <= 300:  # a small number is a difference from the predicted count
         count = min(max(taxel.centre + count, 0), 0xFFFF)
-    state = taxel.mean << 10 | taxel.level
+    state = taxel.mean << 10 | taxel.level  # C stores a prediction in one number: the mean above the 10 bits of level
     residual = library.taxel_compact_residual(state, count)
     expected = taxel.update(count, compact_tables.COMPACT_GAINS[updates - 1])
     assert library.taxel_compact_update(state, residual, updates) == expected.mean << 10 | expected.level
@@ -199,6 +199,7 @@ def test_c_decodes_the_board_histories_of_the_vectors(library: Any, board: dict[
             pending = decoded.key_frame
             assert host.state.answer == ACKNOWLEDGE
             assert host.state.pending.equals(pending)
+            # A packed key frame (width above 0) starts a new prediction: the earlier key frame is no longer used.
             key_frame = None if data[2] & 0x1F else key_frame
 
 

@@ -26,6 +26,7 @@ def write_bug_list(folder: Path, *tables: str) -> Path:
 
 @pytest.mark.parametrize("bug", bugs.load_bugs(), ids=lambda bug: bug.name)
 def test_every_bug_can_be_planted(bug):
+    """A planted bug is a deliberate error; its description `what` is one line. A stage is a part of the test suite."""
     text = (ROOT / bug.file).read_text()
     assert bug.plant_in(text) != text
     assert bugs.select_stages(bug)
@@ -65,6 +66,8 @@ def test_an_unknown_bug_name_is_rejected():
 
 
 def test_the_stages_are_those_that_can_detect_the_bug():
+    """A stage is a part of the test suite. The tests of the bug's own package come first, then stages by duration."""
+
     def list_names(file: str) -> list[str]:
         """List the names of the stages for a bug in `file`."""
         return [stage.name for stage in bugs.select_stages(bugs.Bug("x", file, "", "a", "b"))]
@@ -86,7 +89,7 @@ def test_the_tests_that_import_the_module_of_a_bug_run_before_the_others_of_its_
     assert stage is not None
     imports = ["taxel.gap.comparison.density" in (ROOT / test).read_text() for test in stage.tests]
     assert True in imports
-    assert imports == sorted(imports, reverse=True)
+    assert imports == sorted(imports, reverse=True)  # all True (the test imports the module) come before all False
     assert len(stage.tests) == len(list((ROOT / "host/tests/gap").glob("test_*.py")))
     assert bugs.make_package_stage("firmware/hub/hub.c") is None
 

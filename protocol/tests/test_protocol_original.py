@@ -70,7 +70,10 @@ def decode(message_format: OriginalFormat, *pieces: bytes) -> list[OriginalMessa
 
 
 def test_the_tables_have_the_boards_and_taxels_of_the_sources() -> None:
-    """Numbers of boards and of their taxels in each table; `lengths` are the bytes of one message of each board."""
+    """Numbers of boards and of their taxels in each table; `lengths` are the bytes of one message of each board.
+
+    The expected numbers follow from the table of the original boards in SPEC.md.
+    """
     assert (len(TAXELS), sum(TAXELS.values())) == (22, 1324)
     assert (len(FITTED), sum(TAXELS[address] for address in FITTED)) == (17, 1037)
     assert (len(PUBLISHED), sum(TAXELS[address] for address in PUBLISHED)) == (15, 905)
@@ -106,6 +109,8 @@ def test_a_message_has_the_layout_of_the_original_hub() -> None:
     # start byte, length 62, address, timestamp (big-endian), first count (little-endian); the end byte is 0x0A
     assert data[:9].hex(" ") == "01 3e 1d 11 22 33 44 02 01"
     assert (data[-1], len(data)) == (0x0A, 62)
+    # In this format the counts are big-endian. In the next two, the length is 3 bytes of header, 4 bytes of time if the
+    # format has one, 2 bytes for each count and each of three accelerations, and the end byte.
     assert encode_message(FORMATS["first_generation_test"], 0x18, counts[:6])[7:9] == b"\x01\x02"
     assert len(encode_message(FORMATS["first_generation_untimed"], 0x01, counts[:14])) == 32
     assert len(encode_message(FORMATS["original_accelerations"], 0x1C, [0] * 66, 0, [1, -2, 3])) == 146
@@ -162,7 +167,7 @@ def test_a_message_whose_end_was_lost_does_not_hide_the_next_message() -> None:
     assert stream[249] == 0x0A
     decoder = OriginalDecoder(ORIGINAL)
     assert [get_content(message) for message in decoder.push(stream)] == [get_content(undamaged)]
-    assert (decoder.ambiguous_candidates, decoder.discarded_bytes) == (1, 247)
+    assert (decoder.ambiguous_candidates, decoder.discarded_bytes) == (1, 247)  # the 250 - 3 bytes that arrived
 
 
 def test_data_that_imitates_a_message_does_not_hide_the_message_around_it() -> None:

@@ -90,7 +90,7 @@ def test_every_undamaged_message_of_the_streams_is_accepted(vector: dict[str, An
 
 @pytest.mark.parametrize("seed", [1, 2])
 def test_both_decoders_and_construct_agree_on_fuzzed_streams(campaign: ModuleType, seed: int) -> None:
-    """Short run of tools/original/original_campaign.py."""
+    """Short run of tools/original/original_campaign.py, comparing every `ORACLE_EVERY`-th stream with construct."""
     print(f"seed {seed}")
     tally, difference = campaign.check_range(seed, 0, 3000)
     assert difference is None

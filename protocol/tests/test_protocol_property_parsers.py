@@ -148,6 +148,7 @@ def contents(draw: st.DrawFn) -> dict[str, Any]:
 
 
 def test_taxel_fields_match_the_definition_of_a_taxel_frame() -> None:
+    """The payload is that of board 0x20 with 1 taxel: 20 bytes, all zero after the address and the number of taxels."""
     content = FRAMES[FrameType.TAXELS].payload.parse(bytes([0x20, 1]) + bytes(18))
     assert list(remove_io(content)) == ["header", "snapshot"]
     assert list(remove_io(content.snapshot)) == ["header", "raw_counts", "crc32"]
@@ -255,4 +256,5 @@ def test_all_decoders_agree_on_a_long_stream_without_delimiters(
     """The stream has more bytes without a zero than a receiver's buffer, with frames in the middle."""
     random_bytes = bytes(byte or 0xFF for byte in filling) * (length // len(filling) + 1)
     wire = bytes(byte for byte in stream if byte)
+    # 3: frames of both directions are accepted.
     check_agreement(codec, oracle, random_bytes[: length // 2] + wire + random_bytes[: length // 2], cuts, 3)

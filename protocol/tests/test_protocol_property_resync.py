@@ -80,6 +80,7 @@ def iterate_other_values(byte: int, is_complete: bool) -> Iterator[int]:
 @every_stream
 @pytest.mark.parametrize("delimiters", ["both", "none"])
 def test_a_changed_byte_loses_only_its_own_frame(codec: Any, sent: list[Frame], delimiters: str) -> None:
+    """Short frames with delimiters are tested with all 255 other values of each byte, the others with a selection."""
     stream, ranges = encode_wire(sent, delimiters)
     for position, byte in enumerate(stream):
         expected = [frame for frame, frame_range in zip(sent, ranges, strict=True) if position not in frame_range]

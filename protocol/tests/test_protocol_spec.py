@@ -83,6 +83,7 @@ def test_the_example_frame_of_the_spec_is_encoded_correctly() -> None:
             r"^ (body|whitened|wire) +((?:[0-9A-F]{2} ?)+)$", SPEC.partition("## Receiver")[0], re.M
         )
     }
+    # The frame of the example: tag 7, oldest and newest supported protocol version 1.
     assert encode_frame(names.FrameType.HOST_HANDSHAKE, 0, bytes([7, 1, 1])) == lines["wire"]
     assert whiten(lines["body"]) == lines["whitened"]
 

@@ -25,9 +25,10 @@ class ExponentialBaseline:
     _last_s: float | None = None
 
     def update(self, time_s: float, raw_counts: CountArray) -> None:
-        """Update the baseline with the frame `raw_counts` u16[n] of the time `time_s`, seconds.
+        """Update the exponentially averaged baseline with the frame `raw_counts` u16[n] of the time `time_s`, seconds.
 
-        With `freezes`, the baseline of an active taxel does not change.
+        With `freezes`, the baseline of an active taxel does not change. Contact lowers the raw count, so a taxel is
+        active if its count is more than the activation threshold below the baseline.
         """
         if self._last_s is not None:
             share = -np.expm1(-(time_s - self._last_s) / TIME_CONSTANT_S)

@@ -28,7 +28,7 @@ _CHANNEL = "bench_control_loop"
 def _run_controller(hand: AllegroHand, seconds: float) -> dict[str, float]:
     """Run the joint controller for `seconds`; return statistics of its periods and the number of complete readings."""
     loop = ControlLoop(PERIOD_S)
-    while not np.isfinite(hand.read_joint_angles().angles).all():
+    while not np.isfinite(hand.read_joint_angles().angles).all():  # until the hand has sent every joint angle
         hand.update(PERIOD_S)
     start_angles = last = hand.read_joint_angles().angles
     complete = 0

@@ -19,7 +19,10 @@ FOLDER = Path("out/bench")
 
 
 def make_campaign(folder: Path = FOLDER) -> None:
-    """Create both datasets of 144 grasps with the default effects (some minutes). An interrupted run is resumed."""
+    """Create the emulated ("real") and the simulated dataset of 144 grasps, with the default effects.
+
+    This takes some minutes. An interrupted run is resumed.
+    """
     folder.mkdir(parents=True, exist_ok=True)
     plan = make_thesis_plan(SEED)[:GRASPS]
     run_emulated(folder / "real.h5", plan, EmulatedSettings(), resume=(folder / "real.h5").exists())

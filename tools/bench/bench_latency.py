@@ -59,6 +59,7 @@ def _measure_delays(hand: Hand, folder: Path, usb_latency_ms: float) -> tuple[ND
     arrival_times: dict[int, list[NDArray[np.float64]]] = {board.address: [] for board in hand.boards}
     counts: dict[int, list[NDArray[np.uint16]]] = {board.address: [] for board in hand.boards}
     for batch, arrivals in CaptureDecoder(capture):
+        # A frame arrives with the first read whose end is at or behind the stream position of the frame.
         indices = np.searchsorted(arrivals["end"], batch.taxel_rows["stream_position"], side="left")
         for row, arrival_s in zip(batch.taxel_rows, (arrivals["time_ns"][indices] * 1e-9).tolist(), strict=True):
             arrival_times[int(row["address"])].append(arrival_s)

@@ -93,6 +93,7 @@ def measure_rates(scl_hz: float, baud: float, scan: ScanSettings) -> Rates:
         time_s = np.concatenate([piece[address].time_s for piece in pieces if address in piece])
         counts = np.concatenate([piece[address].raw_counts for piece in pieces if address in piece])
         is_settled = time_s > START_S + SETTLED_S
+        # n frames enclose n - 1 periods.
         cycles.append((is_settled.sum() - 1) / np.ptp(time_s[is_settled]))
         variances.append(counts[is_settled].var(axis=0, ddof=1))
     # A board scans continuously after its boot.
@@ -103,6 +104,7 @@ def measure_rates(scl_hz: float, baud: float, scan: ScanSettings) -> Rates:
         baud / count_uart_bits(sizes),
         float(np.median(cycles)),
         float(np.sqrt(np.concatenate(variances).mean())),
+        # All counts are proportional to the number of sub-conversions, and so is the threshold.
         ACTIVATION_THRESHOLD_COUNTS * scan.sub_conversions / DEFAULT.sub_conversions,
     )
 

@@ -127,7 +127,11 @@ def _sample_axis(rng: random.Random, kind: BoardKind) -> tuple[Axis, list[int]]:
 
 
 def _sample_open_line(rng: random.Random, kind: BoardKind, board: str, severity: float, plan: Plan) -> SampledFault:
-    """Sample an interrupted TX or RX line. The higher the severity, the smaller the capacitance that remains."""
+    """Sample an interrupted TX or RX line. The higher the severity, the smaller the capacitance that remains.
+
+    The limit of the test plan is a share of the median capacitance of the board, which is `REST_PF` at rest. The
+    emulator permits a stub of at most 1 pF.
+    """
     axis, lines = _sample_axis(rng, kind)
     index = rng.choice(lines)
     stub = min(_get_lower_limit(plan, "electrical", "capacitance") / severity * REST_PF, 1.0)
@@ -215,6 +219,7 @@ def _sample_impulses(rng: random.Random, kind: BoardKind, board: str, severity: 
 def _sample_warm_up(rng: random.Random, kind: BoardKind, board: str, severity: float, plan: Plan) -> SampledFault:
     """Sample the drift of a board that warms up. With severity 1, the drift equals the limit of the test plan."""
     effect = f"drift warm_up {board} seconds={rng.uniform(30.0, 600.0):.2f}"
+    # The limit of the test plan is a drift per minute; the drift is measured over `TWIN_S` seconds.
     target = severity * _get_upper_limit(plan, "drift", "board") * TWIN_S / 60.0
 
     def measure(mean: FloatArray, rate_hz: float) -> float:

@@ -83,9 +83,11 @@ def run_case(case: Case) -> Result:
 
 
 def sample_cases(faults: int, healthy: int, curve: int, seed: int) -> list[Case]:
-    """Sample the cases of the campaign: faults of all families in turn.
+    """Sample the boards of the campaign.
 
-    Severities are uniformly distributed on a logarithmic scale.
+    healthy: number of healthy boards. faults: number of faulty boards, with faults of all families in turn; the
+    severities are uniformly distributed on a logarithmic scale. curve: number of additional faulty boards for each
+    graded family and each severity of `CURVE_SEVERITIES`.
     """
     plan = load_default_plan()
     rng = random.Random(f"severities {seed}")

@@ -41,6 +41,7 @@ def make_captures(folder: Path, seconds: float, seed: int) -> Iterator[Capture]:
         record_capture(path, seconds, kind)
         stream = read_stream(path)
         damaged = damage(stream, seed)
+        # The damaged stream ends with a delimiter, because the dissector shows no frame behind the last delimiter.
         for name, data in ((kind, stream), (f"{kind}, damaged", damaged[: damaged.rindex(b"\0") + 1])):
             write_capture(path, data)
             yield Capture(name, path, format_stream(Stream(name, TO_HOST, data), has_wire=False))

@@ -114,7 +114,7 @@ def format_frames(parse: Parser, data: bytes, directions: int = 1) -> list[str]:
     for entry in parse(data, None).frames.entries:
         body = entry.body
         code = int(getattr(body.type, "value", body.type))
-        if not directions & (2 if code & 0x80 else 1):
+        if not directions & (2 if code & 0x80 else 1):  # bit 7 of the type is set in frames to the hub
             continue
         # Frames that are lost before an unknown frame are counted in the line of the next known frame.
         lost = (lost + (0 if previous is None else body.sequence - previous - 1)) % 65536

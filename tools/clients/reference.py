@@ -112,6 +112,7 @@ def format_totals(decoder: StreamDecoder) -> list[str]:
         f"discarded={decoder.discarded_bytes} "
         f"answers={decoder.take_acknowledgements().hex()}"
     ]
+    # After the four totals: received, missing, damaged and undecoded snapshots for each board address.
     table = totals[4:].reshape(4, ADDRESSES)
     for address in np.flatnonzero(table[0] + table[2] + table[3]).tolist():
         received, missing, damaged, undecoded = table[:, address]

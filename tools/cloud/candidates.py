@@ -111,6 +111,7 @@ def compute_exact_distances(points: FloatArray, vertices: FloatArray, faces: Int
         to_edges = np.full(len(points), np.inf)
         for start, end in ((a, b), (b, c), (c, a)):
             along, arm = end - start, points - start
+            # The projection of the point is inside the triangle if it is on the inner side of all three edges.
             is_inside &= arm @ np.cross(normal, along) >= 0.0
             share = np.clip(arm @ along / (along @ along), 0.0, 1.0)
             to_edges = np.minimum(to_edges, np.linalg.norm(arm - share[:, None] * along, axis=1))

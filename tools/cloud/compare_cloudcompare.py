@@ -184,7 +184,9 @@ def compare_filter_definitions(tool: CloudCompare) -> dict[str, int]:
         seed += 1
         distances = np.sort(cdist(points, points), axis=1)
         keeps = []
-        for last in (SMALL_K, SMALL_K + 1):  # with the point itself as a neighbour (column 0, distance 0), and without
+        # With the point itself as a neighbour, and without. In the first case its distance 0 (column 0) is omitted: it
+        # would reduce all means by the same factor, which does not change the selected points.
+        for last in (SMALL_K, SMALL_K + 1):
             mean = distances[:, 1:last].mean(axis=1)
             keeps += [mean <= mean.mean() + mean.std(ddof=ddof) for ddof in (0, 1)]
         if len({tuple(keep.tolist()) for keep in keeps}) < len(keeps):
@@ -203,7 +205,10 @@ def compute_excess_percent(value: float, reference: float) -> float:
 
 
 def measure_sweep_time(tool: CloudCompare, cloud: ContactCloud, mesh: TriangleMesh, name: str) -> Speed:
-    """Measure how long taxel.cloud and CloudCompare take for Tables I-1 to I-6 of one object, starting from files."""
+    """Measure how long taxel.cloud and CloudCompare take for the filter tables of one object, starting from files.
+
+    These are Tables I-1 to I-6 of the thesis: force filters with several thresholds, then outlier filters.
+    """
     write_mesh(mesh, tool.folder / "mesh.ply", overwrite=True)
     path = tool.folder / "sweep.ply"
     write_cloud(cloud, path, overwrite=True)
@@ -225,7 +230,11 @@ def measure_sweep_time(tool: CloudCompare, cloud: ContactCloud, mesh: TriangleMe
 
 
 def list_violations(rows: list[Row], speed: Speed) -> list[str]:
-    """List the exceeded bounds of the comparison, one line each."""
+    """List the exceeded bounds of the comparison, one line each.
+
+    The distances of both programs must agree. The RMS after an alignment (ICP) by taxel.cloud may be smaller than that
+    of CloudCompare, but not larger.
+    """
     violations = []
     for row in rows:
         for name in ("mesh_mean", "mesh_rms", "cloud_mean", "cloud_rms"):

@@ -200,6 +200,7 @@ def main() -> int:
     options = parser.parse_args()
     if options.only:
         candidate = next(item for item in CANDIDATES if item.name == options.only)
+        # In a process of `_measure_in_process`, the argument `real` is the file of `write_inputs`.
         print(json.dumps(measure_candidate(candidate, Path(options.real))))
         return 0
     with tempfile.TemporaryDirectory() as folder:

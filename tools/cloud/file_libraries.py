@@ -118,7 +118,10 @@ def load_trimesh() -> FileLibrary:
             return trimesh.load(file, file_type=path.suffix[1:], process=False)
 
     def read_ply(path: Path) -> Contents:
-        """Read a PLY point cloud with trimesh, from the raw elements that trimesh keeps as metadata."""
+        """Read a PLY point cloud with trimesh, from the raw elements that trimesh keeps as metadata.
+
+        The element `silent` contains the positions of the taxels that were read and not active.
+        """
         elements = load(path).metadata["_ply_raw"]
         tables = {
             name: {key: np.ravel(element["data"][key]) for key in element["properties"]}
@@ -190,7 +193,10 @@ def load_plyfile() -> FileLibrary:
         return {name: np.asarray(element.data[name], np.float64) for name in element.data.dtype.names}
 
     def read_points(path: Path) -> Contents:
-        """Read a PLY point cloud with plyfile. The names of the grasps are in comments of the file."""
+        """Read a PLY point cloud with plyfile. The names of the grasps are in comments of the file.
+
+        The element `silent` contains the positions of the taxels that were read and not active.
+        """
         data = plyfile.PlyData.read(path)
         tables = {element.name: read_columns(element) for element in data.elements}
         contents = build_contents(tables["vertex"], tables.get("silent"))

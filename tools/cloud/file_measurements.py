@@ -192,7 +192,10 @@ def build_large_cloud() -> Table:
 
 
 def build_large_mesh() -> tuple[FloatArray, IntArray]:
-    """Build a sphere of 99,904 triangles: vertices f64[v, 3] in m, vertex indices of the faces i64[f, 3]."""
+    """Build a sphere of 99,904 triangles: vertices f64[v, 3] in m, vertex indices of the faces i64[f, 3].
+
+    The sphere consists of two poles and of rings of vertices at equal polar angles.
+    """
     rings, around = 224, 224
     polar = np.pi * np.arange(1, rings) / rings
     angle = 2.0 * np.pi * np.arange(around) / around
@@ -201,7 +204,7 @@ def build_large_mesh() -> tuple[FloatArray, IntArray]:
     grid = np.stack([x, y, z], axis=-1).reshape(-1, 3)
     vertices = np.concatenate([grid, [[0.0, 0.0, 1.0], [0.0, 0.0, -1.0]]])
     here, ahead = np.arange(around), (np.arange(around) + 1) % around
-    last = around * (rings - 2)
+    last = around * (rings - 2)  # index of the first vertex of the ring at the south pole
     north, south = np.full(around, len(grid)), np.full(around, len(grid) + 1)
     faces = [(north, here, ahead), (here + last, south, ahead + last)]
     for low in range(0, last, around):

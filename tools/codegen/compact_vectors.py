@@ -66,7 +66,8 @@ def format_text() -> str:
     """Format the file of test vectors of compact frames.
 
     The histories differ in noise (standard deviation in counts), number of taxels and share of jumping means. Large
-    noise starts with a larger scale of the prediction.
+    noise starts with a larger scale of the prediction. The arguments of `simulate_history` are name, number of taxels,
+    standard deviation of the noise, seed, initial scale and share of jumping means.
     """
     noises = (0, 0.3, 1.5, 28, 300)
     histories = [

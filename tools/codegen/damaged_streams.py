@@ -52,7 +52,7 @@ class Sent:
 def build_raw_frame(frame_type: int, payload: bytes, length: int | None = None) -> bytes:
     """Build the wire bytes of a frame with a valid CRC, which the protocol may forbid.
 
-    length: length in its header; None for the actual length of the payload.
+    length: length of the payload that the header states; None for the actual length.
     """
     body = bytes([frame_type, 1, 0]) + (len(payload) if length is None else length).to_bytes(2, "little") + payload
     return encode_body(body + crc32(body).to_bytes(4, "little"))
@@ -201,6 +201,7 @@ class Streams:
         for reserved in range(FrameType.COMPACT_TAXELS + 1, FrameType.HUB_STATUS):
             cases[f"reserved_type_0x{reserved:02X}"] = build_raw_frame(reserved, time_sync)
         for name, rejected in cases.items():
+            # A frame with a wrong length is no whole frame, so it is not counted as an unknown frame.
             unknown = 0 if name.startswith("length_claims") else 1
             self.add(name, [b, c], b.wire + rejected + c.wire, [0, 1], BOTH_WAYS, unknown)
 

@@ -39,7 +39,7 @@ def build_message(
     """
     taxels = known.taxels[address]
     counts, accelerations = list(words[:taxels]), list(words[taxels:])
-    signed = [(value ^ 0x8000) - 0x8000 for value in accelerations]
+    signed = [(value ^ 0x8000) - 0x8000 for value in accelerations]  # two's complement of 16 bits
     time_ms = time_ms if known.has_timestamp else 0
     wire = encode_message(known, address, counts, time_ms, signed)
     fields = {"address": address, "timestamp_ms": time_ms, "counts": counts, "accelerations": accelerations}
@@ -114,6 +114,7 @@ def build_random_streams(known: OriginalFormat) -> list[dict[str, Any]]:
             kind = draw.choice(("changed", "lost", "inserted")) if name == "mixed" else name
             at = draw.randrange(len(stream))
             noise = [draw.choice((0x01, 0x0A, draw.randrange(256)))]  # start byte, end byte or any byte
+            # An inserted byte replaces an empty slice; a changed or lost byte replaces or removes one byte.
             stream[at : at + (kind != "inserted")] = noise if kind != "lost" else []
         # Records without framing: the boundaries of the messages cannot be found again after a lost byte.
         undamaged = [] if known.record_size else find_undamaged(bytes(stream), sent)

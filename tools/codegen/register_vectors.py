@@ -128,6 +128,7 @@ def build_register_vectors() -> list[dict[str, Any]]:
         "rows": 9,
         "columns": 7,
     }
+    # 9 x 7 = 63 taxels: a snapshot has 6 bytes of header, 2 bytes per taxel and 4 of CRC; one bit per crossing is set.
     board |= {"taxel_count": 63, "snapshot_size": 136, "crossing_map": b"\xff" * 7 + b"\x7f" + bytes(24)}
     status_fields = list_fields(registers.Status)
     vectors = [

@@ -230,11 +230,12 @@ def _find_zeros(frame: Sample) -> list[int]:
 def _build_frame_with_zeros(name: str, taxel_count: int, zeros: list[int]) -> Sample:
     """Build a taxel frame whose whitened body has zero bytes at exactly the given positions.
 
-    Byte stuffing replaces zeros, so the lengths of its runs are known. Whitening is an XOR with a fixed sequence
-    (`key`), so that a body byte equal to the key whitens to zero. The hub time is varied until the CRC, which depends
-    on it, has zeros only at the given positions, too.
+    Byte stuffing replaces zeros, so the positions determine the lengths of the runs without a zero, which are edge
+    cases of byte stuffing. Whitening is an XOR with a fixed sequence (`key`), so that a body byte equal to the key
+    whitens to zero. The hub time changes the CRC; it is varied until the CRC has zeros only at the given positions.
     """
     key = whiten(bytes(limits.BODY_MAX))
+    # Bytes 1 and 2 of a body are the sequence number. 0x77 and 0x41 are arbitrary; the result is checked below.
     sequence = sum((key[i] if i in zeros else 0x77) << (8 * (i - 1)) for i in (1, 2))
     start = limits.FRAME_HEADER_SIZE + frames.TaxelHeader.sizeof() + registers.SnapshotHeader.sizeof()
     data = [key[i] ^ (0 if i in zeros else 0x41) for i in range(start, start + 2 * taxel_count)]
@@ -248,7 +249,9 @@ def _build_frame_with_zeros(name: str, taxel_count: int, zeros: list[int]) -> Sa
 
 
 def build_stuffing_edges() -> list[Sample]:
-    """Build the frames at the edge cases of byte stuffing: zero-free runs of 253 to 255 bytes, and longer ones."""
+    """Build the frames at the edge cases of byte stuffing, which codes runs without a zero in blocks of at most 254
+    bytes: runs of 253 to 255 bytes, and longer ones.
+    """
     key = whiten(bytes(limits.BODY_MAX))
     samples = [
         _build_frame_with_zeros("run_253_then_zero", 120, [2, 256]),

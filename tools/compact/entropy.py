@@ -127,7 +127,7 @@ class Skin:
         payload: three bytes per board: I2C address with the bit "forget", and the two-byte id of the key frame.
         """
         for i in range(0, len(payload), 3):
-            forget = payload[i] & ACKNOWLEDGE_FORGET
+            forget = payload[i] & ACKNOWLEDGE_FORGET  # the byte 0 to the board: the host has no key frame
             self._pending[-1][payload[i] & 0x7F] = b"\0" if forget else payload[i + 1 : i + 3]
 
     def poll_cycle(self, number: int, tally: Tally | None) -> None:
@@ -145,6 +145,7 @@ class Skin:
             result, data = self.world.transfer(address, write, READ_SIZE)
             frame = data[1 : 1 + decode_length(data[0])] if not result else b""
             if frame:
+                # Taxel header: address, number of taxels, poll cycle, and 0 for the hub time.
                 head = bytes([address, size]) + (number % 65536).to_bytes(2, "little") + bytes(4)
                 wire = encode_frame(FrameType.COMPACT_TAXELS, self._sequence % 65536, head + frame)
                 self.link.waiting.append(wire)

@@ -71,6 +71,7 @@ def compute_predictor_bits(counts: IntArray, mean_gain: float, scale_gain: float
             total += float(_compute_cost(counts[t], mean, scale).sum())
         residual = counts[t] - mean
         size = np.abs(residual) / scale
+        # In the first frames, a gain of 1 / (t + 1) makes the mean the average of all counts so far.
         gain = np.where(size >= jump, 1.0, max(mean_gain, 1 / (t + 1)))
         step = np.minimum(size, 4.0) * math.sqrt(math.pi / 2) - 1.0
         scale = np.where(size >= jump, scale, scale * np.exp(max(scale_gain, 1 / (t + 1)) * step))

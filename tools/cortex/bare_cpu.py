@@ -123,7 +123,7 @@ class BareCpu:
 
         flash_size, ram_size: bytes. flash_wait: wait states of a flash access. multiply: cycles of a
         multiplication. halt_on_fault: stop at a hard fault instead of executing its handler. Raises
-        `CortexLibraryError` for wrong sizes.
+        `CortexLibraryError` if a size is not a multiple of 4.
         """
         self._library = load_cortex_library()
         halt_flags = 1 | (2 if halt_on_fault else 0)  # bit 0: halt at a breakpoint; bit 1: halt at a hard fault
@@ -172,7 +172,7 @@ class BareCpu:
 
     @property
     def state(self) -> NDArray[np.void]:
-        """Registers, STATE[1]. Assignment also leaves every active exception."""
+        """Registers, STATE[1]. After an assignment, no exception is active or pending."""
         state = np.zeros(1, STATE)
         self._library.taxel_cortex_m0_get_state(self._handle, state.ctypes.data)
         return state

@@ -51,9 +51,10 @@ def _sample_second_halfwords(rng: np.random.Generator, first: NDArray[np.uint16]
 def _sample_special_instructions(rng: np.random.Generator, n: int) -> NDArray[np.uint16]:
     """Return n random instructions u16[n, 2]: BL, MSR, MRS and barriers (encodings of the ARMv6-M manual).
 
-    They are rare in a sequence of all first halfwords. number: numbers of special registers, some of them undefined.
+    These instructions are rare in a sequence of all first halfwords. Some of the special registers that MSR and MRS
+    access do not exist.
     """
-    kind = rng.integers(0, 4, n)
+    kind = rng.integers(0, 4, n)  # 0: BL, 1: MSR, 2: MRS, 3: barrier
     number = rng.choice(np.array([0, 1, 2, 3, 5, 6, 7, 8, 9, 16, 20, 4, 10], np.uint16), n)
     register = rng.integers(0, 16, n, dtype=np.uint16)
     first = rng.integers(0xF000, 0xF800, n, dtype=np.uint16)

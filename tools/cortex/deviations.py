@@ -35,9 +35,9 @@ class Deviation(NamedTuple):
     matches: Callable[[CountArray, CountArray], Any]
 
     def cases(self, outcome: Outcome) -> BoolArray:
-        """Return the test cases that this deviation explains, as bool[n]; they are not compared further.
+        """Return the test cases that this deviation explains, as bool[n]; these cases are not compared further.
 
-        The emulator reports an undefined instruction there, and Unicorn executes it.
+        In these cases the emulator reports an undefined instruction, whereas Unicorn executes the instruction.
         """
         emulated = outcome.emulated
         undefined = (emulated["reason"] == Reason.FAULTED) & (emulated["fault"] == Fault.UNDEFINED)

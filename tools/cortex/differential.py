@@ -51,7 +51,7 @@ def get_emulated_verdict(outcome: Outcome) -> NDArray[np.int64]:
         (Fault.UNDEFINED, Verdict.UNDEFINED),
         (Fault.UNALIGNED, Verdict.UNALIGNED),
         (Fault.BUS, Verdict.BUS),
-        (Fault.SVC, Verdict.SVC),  # masked: Unicorn has no priorities
+        (Fault.SVC, Verdict.SVC),  # a masked SVC is a fault; Unicorn, without priorities, reports it as a normal SVC
     ):
         verdict[faulted & (emulated["fault"] == fault)] = fault_verdict
     verdict[emulated["reason"] == Reason.BREAKPOINT] = Verdict.BREAKPOINT
@@ -60,8 +60,9 @@ def get_emulated_verdict(outcome: Outcome) -> NDArray[np.int64]:
 
 
 def find_differences(outcome: Outcome) -> NDArray[np.bool_]:
-    """Return which test cases differ between the emulator and Unicorn, or have a fault that changed a register,
-    bool[n].
+    """Return which test cases differ between the emulator and Unicorn, as bool[n].
+
+    A case also counts as different if the emulator reports a fault and a register has changed.
     """
     emulated, reference, before = outcome.emulated, outcome.reference, outcome.block.states
     different = get_emulated_verdict(outcome) != outcome.verdict

@@ -118,6 +118,7 @@ def run_emulator(image: Image, cpu: BareCpu | None = None) -> Run:
     cpu.reset()
     begin = cpu.cycle
     outputs: list[str] = []
+    # A breakpoint is a call of the host: r0 is SYS_WRITE0 for the text at address r1, another value ends the program.
     while (reason := cpu.run(begin + CYCLES_MAX)) == Reason.BREAKPOINT:
         state = cpu.state["r"][0]
         if state[0] != SYS_WRITE0:
@@ -173,6 +174,7 @@ class UnicornRun:
         """
         address = self._entry
         while not self._ended:
+            # Bit 0 of the start address selects the Thumb state; the program never reaches the end address.
             self._engine.emu_start(address | 1, 0xFFFFFFFE, count=instructions_per_call)
             address = self._engine.reg_read(self._arm.UC_ARM_REG_PC)
         return "".join(self._outputs)

@@ -96,7 +96,7 @@ class UnicornOracle:
         """Set a property of the emulator by uc_ctl(), as the macro UC_CTL_WRITE in unicorn.h does. kind: number of
         the property.
         """
-        request = ctypes.c_uint32(kind | len(values) << 26 | 1 << 30)
+        request = ctypes.c_uint32(kind | len(values) << 26 | 1 << 30)  # from bit 26: number of values; bit 30: write
         self._call("ctl", request, *(ctypes.c_int(value) for value in values))
 
     def _map(self, address: int, size: int, rights: int) -> None:

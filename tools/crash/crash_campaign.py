@@ -116,6 +116,7 @@ class Campaign:
             yield f"exit status 0, but {position} of {last} records"
         if self._case.guarantee == "live" and 0 < position < last:
             yield from self._judge_previous()
+        # Only a process that lives on, and whose calls that remove a file succeed, can remove its temporary files.
         if not mode.is_kill and mode is not Mode.BROKEN and self._calls[call - 1] not in _REMOVALS:
             yield from self._judge_names(result.status != 0)
 
@@ -144,6 +145,7 @@ class Campaign:
         state = repr(self._case.read(self._work))
         if self._case.guarantee == "live" and state != self._states[-1]:
             self._report(call, mode, "the next run gives another output")
+        # The journal of an SQLite database is no temporary file of the writer.
         names = {name for name in os.listdir(self._work) if not name.endswith("-journal")}
         if names != set(self._case.names):
             self._report(call, mode, f"the next run leaves {sorted(names - set(self._case.names))}")

@@ -50,7 +50,8 @@ def make_whole_case(
 def make_live_case(name: str, file: str, write: Callable[..., None], read: Callable[[Path], Hashable]) -> Case:
     """Create the case of a recording that replaces another one: after a crash, all complete records are readable.
 
-    write: called with the path and the number of the first record.
+    write: called with the path and the number of the first record: 0 for the old recording, 10 for the new one. For
+    the new one, `write` also receives the function that it calls after each complete record.
     """
     return Case(
         name, "live", lambda folder, source: write(folder / file, 0),

@@ -76,10 +76,11 @@ class Injector:
         self, write: Callable[[Callable[[], None]], None], folder: Path, call: int, mode: Mode,
         state: Callable[[], object],
     ) -> RunResult:  # fmt: skip
-        """Run `write` in a child process with a fault at the call `call` (from 1) below `folder`.
+        """Run `write` in a child process, with a fault at one of the calls that change a file below `folder`.
 
-        state: returns the value that is passed on with each acknowledgement; called only in the mode COUNT. The parent
-        returns the result. In the child the method ends with ChildExitError, which the caller must not catch.
+        call: number of the call, from 1; 0: no fault. state: returns the value that is passed on with each
+        acknowledgement; called only in the mode COUNT. The parent returns the result. In the child the method ends with
+        ChildExitError, which the caller must not catch.
         """
         progress, errors = os.pipe(), os.pipe()
         child = os.fork()

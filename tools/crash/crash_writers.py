@@ -48,7 +48,7 @@ def run_worker(options: argparse.Namespace) -> None:
     from crash_injection import Injector, Mode
     from crash_source import write_sources
 
-    # A writer that needs more memory is a finding, not the end of the other programs of the machine.
+    # A writer that needs more memory fails and is reported; the other programs of the machine are not affected.
     resource.setrlimit(resource.RLIMIT_AS, (LARGEST_MEMORY_BYTES, LARGEST_MEMORY_BYTES))
     injector = Injector(build_shim())
     # No `with` block: a child process must not remove the folder when it ends.
@@ -72,9 +72,10 @@ def run_worker(options: argparse.Namespace) -> None:
 
 
 def run_workers(options: argparse.Namespace) -> list[dict[str, object]]:
-    """Run all campaigns in `options.jobs` processes and return their results.
+    """Run the fault injection of all writers in `options.jobs` processes and return one result per writer.
 
-    Each result is also printed to standard error as a table row.
+    The processes preload the shim, a library that counts the file system calls and injects the faults. Each result is
+    also printed to standard error as a table row.
     """
     shim = build_shim()
     environment = {**os.environ, "LD_PRELOAD": str(shim), "OMP_NUM_THREADS": "1", "ARROW_NUM_THREADS": "1"}
@@ -87,6 +88,7 @@ def run_workers(options: argparse.Namespace) -> list[dict[str, object]]:
             assert process.stdout is not None
             for line in process.stdout:
                 outcomes.append(json.loads(line))
+                # Lines 0 and 1 of a table are its header.
                 print(format_table(outcomes[-1:]).splitlines()[2], file=sys.stderr, flush=True)
         if process.returncode != 0:
             sys.exit(f"crash-writers: worker {worker} ended with status {process.returncode}")
@@ -97,7 +99,11 @@ def run_workers(options: argparse.Namespace) -> list[dict[str, object]]:
 
 
 def format_table(outcomes: list[dict[str, object]]) -> str:
-    """Return the Markdown table of the campaigns' results, with a last row of totals."""
+    """Return the Markdown table of the results by writer, with a last row of totals.
+
+    calls: calls that change a file in a run without a fault. runs: runs with a fault. old, part, new: runs that left
+    the old output, only some of the new records, or the complete new output.
+    """
     rows = [
         "| writer | guarantee | calls | runs | old | part | new | broken guarantees |",
         "|---|---|---|---|---|---|---|---|",
@@ -121,7 +127,7 @@ def format_table(outcomes: list[dict[str, object]]) -> str:
 
 
 def write_page(page: Path, table: str) -> None:
-    """Replace the table between the marks of a documentation page."""
+    """Replace the table of a documentation page, which lies between two comments (`MARKS`)."""
     from taxel.output import write_whole
 
     before, _, remainder = page.read_text().partition(MARKS[0])
@@ -130,7 +136,7 @@ def write_page(page: Path, table: str) -> None:
 
 
 def main() -> int:
-    """Run the campaigns of all writers and print their results; the exit status is 1 if a guarantee is broken."""
+    """Inject faults into every writer of files and print the results; the exit status is 1 if a guarantee is broken."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--case", help="only this writer")
     parser.add_argument("--call", type=int, help="only this call, from 1; with --mode")

@@ -75,8 +75,8 @@ static bool is_below(const char *path)
     return strncmp(path, folder, folder_length) == 0;
 }
 
-/* Return whether a descriptor belongs to the watched folder or to a file below it. needs_writing: and is open for
- * writing. */
+/* Return whether a descriptor belongs to the watched folder or to a file below it. needs_writing: return true only for
+ * a descriptor that is open for writing. */
 static bool is_watched_descriptor(int descriptor, bool needs_writing)
 {
     char link[64];
@@ -112,9 +112,9 @@ static bool is_watched_path(int directory, const char *path)
     return false; /* the writers use absolute paths */
 }
 
-/* Count a call that changes the folder, and decide its fate: PASS (execute it), HALF (execute half of it) or FAIL (do
- * not execute it; errno is set). Kills the process in the mode KILL. name: name of the function. needs_space: the call
- * fails on a full disk. */
+/* Count a call that changes the folder, and return how to execute the call: PASS (completely), HALF (only half of its
+ * bytes) or FAIL (not at all; errno is set). In the mode KILL, call number `fault_at` kills the process. name: name of
+ * the function. needs_space: whether the call fails on a full disk. */
 static enum verdict judge(const char *name, bool needs_space)
 {
     const int saved = errno;
@@ -153,8 +153,9 @@ static enum verdict judge(const char *name, bool needs_space)
     return PASS;
 }
 
-/* Return whether a call that writes no bytes fails; errno is then set. Half of such a call does not exist: after the
- * verdict HALF the program that is killed has executed the call, and a full disk refuses it. */
+/* Return whether a call that writes no bytes, such as rename, must fail; errno is then set. Such a call cannot be
+ * executed by half. With the verdict HALF it fails on a full disk (MODE_FULL) if it needs space; in the mode KILL_TORN
+ * it is executed completely before the process is killed. */
 static bool is_refused(enum verdict verdict, bool needs_space)
 {
     if (verdict == FAIL) {
@@ -167,7 +168,7 @@ static bool is_refused(enum verdict verdict, bool needs_space)
     return false;
 }
 
-/* Kill the process after a call that was executed by half, in the mode KILL_TORN. */
+/* Kill the process in the mode KILL_TORN after the call with the verdict HALF. */
 static void end(enum verdict verdict)
 {
     if (verdict == HALF && fault_mode == MODE_KILL_TORN) {
@@ -219,9 +220,9 @@ ssize_t write(int descriptor, const void *data, size_t count)
     WRITE(count, REAL(write)(descriptor, data, count), REAL(write)(descriptor, data, count / 2));
 }
 
-/* Return how many of `count` bytes at the position `offset` of a file a divided write writes: about half, up to a page
- * boundary. A system divides a write only there: it allocates space and reacts to a kill between two pages. Returns 0
- * for a write within one page, which is executed wholly or not at all. */
+/* Return the number of bytes that an interrupted write of `count` bytes at the file position `offset` writes: about
+ * half, up to a page boundary. The operating system allocates space and reacts to a kill only between two pages.
+ * Returns 0 for a write within one page, which is executed completely or not at all. */
 static size_t divide_at_page(size_t count, off64_t offset)
 {
     const off64_t end = offset + (off64_t)count, middle = offset + (off64_t)(count / 2);
@@ -229,8 +230,8 @@ static size_t divide_at_page(size_t count, off64_t offset)
     return boundary < end ? (size_t)(boundary - offset) : 0;
 }
 
-/* Execute the first part of a write that the verdict divides. A write within one page is complete if the process is
- * killed afterwards, and fails on a full disk. */
+/* Execute the first part of a write with the verdict HALF. A write within one page cannot be divided: it fails on a
+ * full disk, and is executed completely if the process is then killed. */
 static ssize_t write_part(int descriptor, const void *data, size_t count, off64_t offset)
 {
     const size_t part = divide_at_page(count, offset);

@@ -104,11 +104,11 @@ def change_ten_bytes(frames: ByteArray, rng: np.random.Generator) -> ByteArray:
 
 
 def change_code_byte(frames: ByteArray, rng: np.random.Generator) -> ByteArray:
-    """Change a code byte of each frame's byte stuffing, which moves the boundaries of all later blocks.
+    """Change a random code byte of each frame's byte stuffing (COBS), which moves the boundaries of all later blocks.
 
-    frames: u8[n, size]; all have the same code bytes as the first.
+    frames: u8[n, size]; the code bytes of all frames are at the same positions.
     """
-    codes = [0]
+    codes = [0]  # positions of the code bytes; a code byte states the distance to the next
     while codes[-1] + int(frames[0, codes[-1]]) < frames.shape[1]:
         codes.append(codes[-1] + int(frames[0, codes[-1]]))
     return _change_bytes(frames, rng, rng.choice(np.array(codes), len(frames)))
@@ -132,6 +132,7 @@ def insert_byte(frames: ByteArray, rng: np.random.Generator) -> ByteArray:
     """Insert one random byte that is not zero into each frame. frames: u8[n, size]."""
     places = rng.integers(1, frames.shape[1], len(frames))
     columns = np.arange(frames.shape[1] + 1)
+    # Bytes behind the place move by one column; the byte at the place is overwritten below.
     out = np.take_along_axis(frames, columns - (columns > places[:, None]), axis=1)
     out[np.arange(len(frames)), places] = rng.integers(1, 256, len(frames), dtype=np.uint8)
     return out
@@ -169,17 +170,18 @@ def build_taxel_frame(rng: np.random.Generator, taxel_count: int) -> tuple[tuple
     counts = rng.normal(4000, 20, taxel_count).astype("<u2").tobytes()
     head = bytes([0x20, taxel_count]) + rng.bytes(6)  # board address, number of taxels, random other fields
     snapshot = rng.bytes(6) + counts
+    # The CRC of the board covers its address and the snapshot.
     payload = head + snapshot + crc32(snapshot, crc32(head[:1])).to_bytes(4, "little")
     sequence = int(rng.integers(0, 1 << 16))
     return (FrameType.TAXELS, sequence, payload), encode_frame(FrameType.TAXELS, sequence, payload)[1:-1]
 
 
 def reaches_crc(stuffed: bytes) -> bool:
-    """Return whether a decoder rejects or accepts these bytes by the CRC alone.
+    """Return whether only the CRC can reject a received frame, given with its byte stuffing.
 
-    They must begin with a taxel frame that passes all checks before the CRC: byte stuffing, type, address and length. A
-    body consists of the header (type, sequence, length; 5 bytes), the payload (address, number n of taxels, ...; 18 +
-    2 n bytes) and the CRC (4 bytes).
+    This is the case if the bytes are a taxel frame that passes all checks before the CRC: byte stuffing, type, I2C
+    address (0x08 to 0x77) and length. A body consists of the header (type, sequence, length; 5 bytes), the payload
+    (address, number n of taxels, ...; 18 + 2 n bytes) and the CRC (4 bytes).
     """
     body = bytearray()
     position = 0
@@ -202,7 +204,10 @@ def reaches_crc(stuffed: bytes) -> bool:
 
 
 def measure(kind: Damage, total: int, rng: np.random.Generator, decoder: Deframer, taxel_count: int) -> Tally:
-    """Damage about `total` frames with `kind`, decode them, and count the results."""
+    """Damage about `total` frames with the function `kind`, decode them with the C decoder, and count the results.
+
+    In addition, `SAMPLE` frames of each batch are checked for damage that only the CRC can detect.
+    """
     tally = Tally()
     (sample_rng,) = rng.spawn(1)
     while tally.frames < total:

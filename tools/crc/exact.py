@@ -61,6 +61,7 @@ def xor_subsets(syndromes: WordArray, size: int) -> WordArray:
     """Return the XOR of every subset of `size` syndromes, in colexicographic order (sorted by the largest index)."""
     values = syndromes
     for k in range(2, size + 1):
+        # The first comb(j, k - 1) values belong to the subsets of k - 1 syndromes with indices below j.
         parts = [values[: math.comb(j, k - 1)] ^ syndromes[j] for j in range(len(syndromes))]
         values = np.concatenate(parts)
     return values
@@ -112,9 +113,9 @@ def count_four_bit_spans(bits: int) -> NDArray[np.int64]:
 
 
 def compute_burst_rank() -> int:
-    """Compute the rank of 32 neighbouring bit syndromes.
+    """Compute the rank of 32 neighbouring bit syndromes over GF(2), by Gaussian elimination.
 
-    Rank 32 means that every burst of up to 32 bits is detected.
+    With rank 32 no XOR of these syndromes is zero, so the CRC detects every burst of up to 32 bits.
     """
     rows = [int(value) for value in compute_bit_syndromes(32)]
     rank = 0
@@ -167,7 +168,7 @@ def count_byte_pattern_spans(count: int) -> tuple[NDArray[np.int64], NDArray[np.
 
 
 def count_placements(spans: NDArray[np.int64], length: int) -> int:
-    """Return the number of positions and patterns with which errors fit into a word of `length` bits or bytes.
+    """Return the number of error patterns in a word of `length` bits or bytes, counted at every position.
 
     spans: number of patterns of each span from the first to the last error, in the same unit.
     """
@@ -192,7 +193,9 @@ def compute_block_end_probability(length: int) -> NDArray[np.float64]:
 
 
 def list_allowed_bodies() -> Iterator[tuple[int, float]]:
-    """Yield the length of each permitted frame body to a host, and the probability that a random header states it."""
+    """Yield each permitted length of a frame body sent to the host, in bytes, and the probability that a random header
+    is valid and states this length.
+    """
     for frame_type, spec in FRAMES.items():
         if frame_type & 0x80:  # a frame to the hub
             continue
@@ -266,6 +269,7 @@ def print_rates(frame_rate: float, body: int) -> None:
     for rate in (1e-9, 1e-7, 1e-6, 1e-5, 1e-4, 1e-3):
         damaged = -math.expm1(wire * math.log1p(-rate))
         up_to_two = sum(math.comb(wire, k) * rate**k * (1 - rate) ** (wire - k) for k in (1, 2))
+        # Rounding can falsify the difference at small rates; exactly three damaged bytes are a lower bound.
         many = max(damaged - up_to_two, math.comb(wire, 3) * rate**3 * (1 - rate) ** (wire - 3))
         yearly = frame_rate * SECONDS_PER_YEAR
         accepted = damaged * (2.0**-32 + wire * random_frame)

@@ -25,7 +25,7 @@ class PictureError(Exception):
 
 
 def main() -> int:
-    """Make the pictures; the exit status is 1 if a command fails or no demonstration is right."""
+    """Make the pictures of README.md; the exit status is 1 if a command fails or every demonstration is wrong."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--out", type=Path, default=IMAGES, help="folder of the pictures (default: docs/images)")
     out = parser.parse_args().out
@@ -55,9 +55,10 @@ def run_taxel(*arguments: str) -> str:
 
 
 def find_right_demonstration(folder: Path) -> Path:
-    """Run demonstrations in `folder` until one is right and names an effect; return its picture of the hand.
+    """Run demonstrations in `folder` until one diagnoses its hidden effect correctly; return its picture of the hand.
 
-    Raises PictureError if no demonstration of `SEEDS` is right.
+    A demonstration (`taxel demo`) hides an effect, or nothing, in the emulated skin and diagnoses the skin; it prints
+    RIGHT if the diagnosis is correct. Raises PictureError if no demonstration with a seed of `SEEDS` is right.
     """
     for seed in SEEDS:
         out = folder / f"demo{seed}"

@@ -190,10 +190,10 @@ def read_scan_settings(path: str, table: dict[str, Any]) -> ScanSettings:
 def format_original_sensor_lines(
     path: str, sensor: dict[str, Any], scan: dict[str, Any], kind: BoardKind
 ) -> tuple[list[str], BoardKind]:
-    """Return the C lines of an original board with one TX line, and its kind as the register map shows it.
+    """Return the C lines of a board of the original hardware, which has one TX line, and its kind for the register map.
 
-    The register map has at most LINES_MAX columns, so more RX lines are distributed over several of its rows. The order
-    of the taxels remains that of the RX lines. Raises PinsError.
+    The register map has at most LINES_MAX columns. If the board has more RX lines, they are distributed over several
+    rows of the map; the taxels keep the order of the RX lines. Raises PinsError.
     """
     rx = sensor.get("rx", [])
     if len(sensor.get("tx", [])) != 1:
@@ -235,7 +235,7 @@ def find_kind(path: str, sensor: dict[str, Any], kinds: list[BoardKind]) -> Boar
 
 
 def read_kind_code(pins: Path) -> int:
-    """Return the code of the board kind of a pins file for one kind.
+    """Return the code of the board kind that the table [sensor] of a pins file names.
 
     Raises PinsError, HandDescriptionError, OSError.
     """

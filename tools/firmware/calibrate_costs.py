@@ -78,9 +78,10 @@ def list_crossings(board: Board) -> list[int]:
 def measure_conversions(world: VirtualWorld, board: Board) -> list[int]:
     """Return the processor cycles of each conversion interrupt of one scan, in the order of the crossings.
 
-    The most expensive interrupt is the one at the start of a scan.
+    The interrupt at the start of a scan is the most expensive one, which locates the scan among the interrupts.
     """
     costs: list[int] = []
+    # Twice the number of taxels contains a whole scan, wherever the measurement begins.
     last = world.read_handler_costs(board.address)["CSD"]
     while len(costs) < 2 * board.kind.taxel_count + 1:
         world.run(40e-6)  # shorter than a conversion, so that no two interrupts are counted together
@@ -93,10 +94,12 @@ def measure_conversions(world: VirtualWorld, board: Board) -> list[int]:
 
 
 def measure_conversion_costs(scans: dict[int, tuple[Board, list[int]]]) -> Costs:
-    """Return the processor cycles of each kind of conversion interrupt.
+    """Return the processor cycles of the parts of a conversion interrupt.
 
-    scans: for each board by address, the board and its result of `measure_conversions`. The costs of a new TX line, of
-    a skipped crossing and of the start of a scan are differences between these interrupts.
+    scans: for each board by address, the board and its result of `measure_conversions`. The parts are differences
+    between interrupts. own: interrupt for a crossing of TX line 0. quotient: addition by TX line, because the time of
+    the division that computes the line depends on the quotient. new_tx: addition at the first crossing of a TX line.
+    skipped: addition for each skipped crossing without a taxel. scan_own: addition at the start of a scan.
     """
     cost_by_line: dict[int, int] = {}
     switching: list[tuple[int, int, int]] = []
@@ -144,10 +147,10 @@ def read_snapshot(world: VirtualWorld, board: Board) -> tuple[int, int, HandlerC
 
 
 def measure_scan_overhead(world: VirtualWorld, board: Board) -> tuple[float, float]:
-    """Return the processor cycles of a scan beyond those of its conversions, and the board time of the first scan.
+    """Return the processor cycles of a scan beyond its conversion periods, and the board time of scan number 0.
 
-    The board time is that of scan number 0, microseconds. The delay of the conversion interrupt by other interrupts is
-    not part of the cycles.
+    The board time is in microseconds. The cycles do not include the delays by other interrupts: the latency of the
+    conversion interrupt, and its preemption before the start of the next conversion.
     """
     world.transfer(board.address, bytes([REGISTER_SNAPSHOT]), 0)
     world.run(0.05)
@@ -156,6 +159,7 @@ def measure_scan_overhead(world: VirtualWorld, board: Board) -> tuple[float, flo
     last_scan, last_time_us, account = read_snapshot(world, board)
     scans = last_scan - first_scan
     period_us = (last_time_us - first_time_us) / scans
+    # Inclusive minus own cycles: the cycles in which other handlers preempt the conversion interrupt.
     interrupt_delay = (account.inclusive - account.own - before.inclusive + before.own) * SHARE_BEFORE_START
     interrupt_delay += account.latency - before.latency
     overhead = period_us * CYCLES_PER_US - PERIOD * board.kind.taxel_count - interrupt_delay / scans
@@ -175,6 +179,7 @@ def measure_slave_costs(world: VirtualWorld, board: Board) -> Costs:
         write: bytes written. size: number of bytes read. Another interrupt may prolong a repetition.
         """
         own, durations = [], []
+        # With this pause the repetitions start at different phases of the other interrupts.
         for _ in range(12):
             world.run(0.00113)
             before, begin = world.read_handler_costs(board.address)["SCB0"], world.now_s
@@ -190,6 +195,7 @@ def measure_slave_costs(world: VirtualWorld, board: Board) -> Costs:
     pointer = bytes([REGISTER_SNAPSHOT])
     stop = world.read_handler_costs(board.address)["SCB0"].own_min
     probe = find_fastest_transfer(b"", 0)
+    # 0xF0 is not a register of the map, so these writes change no setting.
     shorter, longer = find_fastest_transfer(bytes([0xF0, 1]), 0), find_fastest_transfer(bytes([0xF0, 1, 1]), 0)
     world.transfer(board.address, pointer, 0)
     read, refilled = find_fastest_transfer(b"", 2), find_fastest_transfer(b"", 6)
@@ -206,9 +212,9 @@ def measure_slave_costs(world: VirtualWorld, board: Board) -> Costs:
 
 
 def measure_board(image: Path) -> Costs:
-    """Measure all processor costs of a sensor board that executes a firmware image. image: path of the image.
+    """Measure all processor costs of a sensor board that executes a firmware image, in cycles by name.
 
-    Raises ValueError if the measurements contradict the model of costs.h.
+    image: path of the image. Raises ValueError if the measurements contradict the model of costs.h.
     """
     hand = load_hand("allegro")
     scans, overheads = {}, {}

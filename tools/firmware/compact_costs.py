@@ -55,7 +55,8 @@ def _read_busy(world: VirtualWorld, address: int) -> tuple[int, int]:
 def measure_compact(image: Path) -> dict[str, int | list[int]]:
     """Return the costs `compact` (per snapshot) and `compact_taxel` (per taxel) of costs.h, in cycles.
 
-    They are the straight line through the cycles that compact frames add to the main loop of two boards.
+    Compact frames add cycles to the main loop of a board. The two costs are the intercept and the slope of the straight
+    line through these added cycles of two boards, as a function of the number of taxels.
     """
     hand = load_hand("allegro")
     taxels = [hand.get_board(address).kind.taxel_count for address in BOARDS]

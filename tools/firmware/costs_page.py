@@ -107,7 +107,9 @@ def parse_costs(header: str) -> dict[str, str]:
 
 
 def _format_board_line(board: BoardCycles) -> str:
-    """Return the table row of a board kind: cycles of a scan and of a poll, length of a scan, and share of it awake."""
+    """Return the table row of a board kind: cycles of a scan and of a poll, length of a scan, and the share of the scan
+    in which the processor is awake.
+    """
     share = (board.scan + board.poll) / board.budget
     numbers = f"{board.taxels} | {board.scan:,} | {board.poll:,} | {board.length:,} | {share:.0%}"
     return f"| {board.kind} | {numbers} |"

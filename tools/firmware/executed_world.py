@@ -59,7 +59,7 @@ def open_scanning_world(hand: Hand, board: Board, image: Path) -> Iterator[Virtu
 
 
 def make_firmware(version: tuple[int, int, int], images: Path = IMAGES, *, rows: int = 0) -> Firmware:
-    """Create the images of both slots of a board, from the built ones but with another version.
+    """Create the images of both slots of a board from the built images, with the version replaced by `version`.
 
     rows: number of flash rows with version-dependent bytes after the program, so that an update has rows to write.
     """

@@ -88,8 +88,8 @@ def build_slot_image(
 ) -> FirmwareImage:
     """Build a firmware image with a complete header from a linked image.
 
-    kind: code of the only kind of board on which the image runs; 0: any. Raises FirmwareFileError if it is not linked
-    for this slot.
+    slot: 0 (A) or 1 (B). kind: code of the only kind of board on which the image runs; 0: any. Raises FirmwareFileError
+    if the image is not linked for this slot.
     """
     device = _read_device(linked)
     layout = LAYOUTS[device]

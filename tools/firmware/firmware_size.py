@@ -179,9 +179,9 @@ def measure_all(
 
 
 def add_cycles(sizes: dict[str, Size], counted: FirmwareCycles) -> dict[str, Size]:
-    """Return the sizes with the counted processor cycles of the images of slot A.
+    """Return the sizes with the counted processor cycles of the board and of the hub.
 
-    The images of slot B are the same programs, so theirs remain without cycles.
+    The images of slots A and B are the same program, so both get the cycles that the executed image of slot A needs.
     """
     palm, hub = counted.boards[-1], counted.hub
     cycles = {

@@ -133,10 +133,12 @@ def _read_instruction(routine: Routine, begin: int, mnemonic: str, operands: str
     elif (mnemonic == "add" and operands.startswith("sp, r")) or (mnemonic == "mov" and operands.startswith("sp, ")):
         # Dynamic: the size is in the compiler's .su file. Without it the frame stays negative, which means unknown.
         routine.frame = -(1 << 20)
+    # A bx after a pop returns from the function: the pop has loaded the return address.
     elif mnemonic == "blx" or (mnemonic == "bx" and operands != "lr" and "pop" not in previous):
         routine.uses_pointer = True
     elif mnemonic[0] == "b" and "<" in operands:
         target = int(operands.split()[0], 16)
+        # A branch without link to the function's own start is a loop; bl to the start is recursion.
         if target != begin or mnemonic == "bl":
             routine.calls.add(target)
 

@@ -64,7 +64,7 @@ def measure_streaming(world: VirtualWorld, skin: Skin, elf: Path) -> Costs:
         world.run(SAMPLE_S)
         function = functions[max(bisect.bisect_right(addresses, world.read_processor(0).pc) - 1, 0)]
         framing += function.name in FRAMING
-        if number % 1000 == 0:
+        if number % 1000 == 0:  # read the frames of the hub regularly
             skin.poll(0.0)
     after = world.read_handler_costs(0)["SCB1"]
     sent = int(world.statistics()["uart_bytes_sent"]) - sent

@@ -33,9 +33,9 @@ def _fail(path: str, field: str, expected: str, found: str, remedy: str) -> NoRe
 
 
 def read_original_image(linked: LinkedImage, address: int | None = None) -> OriginalImage:
-    """Return the image in a linked file of the original hardware.
+    """Return the image of an original board or hub from its linked ELF file.
 
-    address: I2C address of the board; None: the one of the pins file. Raises FirmwareFileError.
+    address: I2C address of the board; None: the address of the pins file. Raises FirmwareFileError.
     """
     for symbol in ("image_first_row", "image_end_row", "standalone_entry"):
         if symbol not in linked.symbols:

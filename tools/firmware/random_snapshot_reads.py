@@ -122,8 +122,9 @@ def read_random_snapshots(reads: int, seed: int = 1, address: int = 0x2C, images
 
 
 def main() -> int:
-    """Read snapshots at random times and print the result; the exit status is 1 after an incoherent one, a fault or an
-    error.
+    """Read snapshots at random times and print the result.
+
+    The exit status is 1 after a snapshot with data of more than one scan, after a processor fault, or after an error.
     """
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--reads", type=int, default=100_000)

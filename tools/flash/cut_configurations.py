@@ -21,9 +21,9 @@ NEW_ADDRESS: Final = 0x30
 
 
 def run_configurations(plan: WorldPlan) -> WorldResult:
-    """Run the planned configuration writes with power cuts in one emulated world, up to the first failure.
+    """Write configurations to emulated boards while the planned power cuts occur, up to the first failure.
 
-    All writes are to one board, or each is to another blank board.
+    All writes go to the same configured board or, if the plan's route names a blank board, each to a different one.
     """
     result = WorldResult(plan.number, plan.route)
     is_blank = "blank" in plan.route
@@ -116,7 +116,7 @@ class _Provision:
         self.world, self.bench, self.board, self.unique_id = world, bench, board, unique_id
         self.sequence, self.result = sequence, result
         self.present_address, address = bench.get_addresses(board)
-        # Kind 9; the serial number and the seven current codes differ from those of the write before.
+        # The kind is 9 in every write; the serial number and the seven current codes differ from write to write.
         self.entry = Entry(unique_id, address, 9, f"S{index:05d}", tuple(1 + index % 200 for _ in range(7)))
         self.old_configuration = decode_configuration(world.read_flash(board).data)
         self.cuts_before = world.count_power_cuts(board)

@@ -120,6 +120,7 @@ def _update_sequences(generator: random.Random) -> Iterator[CutSequence]:
     When all combinations of image size, write and point have been planned, they repeat with other second cuts.
     """
     while True:
+        # The writes of an update: the rows, then three records (pending image, boot attempt, confirmation).
         first_cuts = [(rows, Cut(n, after)) for rows in ROWS for n in range(1, rows + 4) for after in POINTS_S]
         generator.shuffle(first_cuts)
         for rows, first in first_cuts:
@@ -133,6 +134,7 @@ def _sample_second_cut(generator: random.Random, rows: int, first: Cut) -> list[
     write follows.
     """
     if first.operation <= rows:
+        # The smallest number of later writes: the interrupted row may be complete.
         following = rows - first.operation + 3
     elif first.operation < rows + 3 or not first.can_be_complete:
         following = 2  # The boot attempt at the next start, and the confirmation.

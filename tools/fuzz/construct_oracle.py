@@ -149,6 +149,7 @@ def _count_board(losses: Losses, last: dict[int, tuple[int, int]], payload: byte
     table = losses.received if is_valid else losses.damaged
     table[address] = table.get(address, 0) + 1
     if address in last:
+        # Without a new scan the board has no new frame, so the smaller number of elapsed cycles and scans counts.
         steps = min((cycle - last[address][0]) % 65536, (scan - last[address][1]) % 65536)
         losses.missing[address] = losses.missing.get(address, 0) + max(steps - 1, 0)
     last[address] = (cycle, scan)
@@ -171,6 +172,8 @@ def count_losses(frames: Iterable[Frame]) -> Losses:
         is_handshake = frame_type == FrameType.HUB_HANDSHAKE
         has_less_uptime = is_handshake and uptime_us is not None and uptime_us < last_uptime_us
         last_uptime_us = last_uptime_us if uptime_us is None else uptime_us
+        # A hub announces a restart by a handshake with sequence 0 and tag (payload[0]) 0. If this frame was lost, the
+        # smaller uptime in a later handshake shows the restart.
         if has_less_uptime or (is_handshake and sequence == 0 and payload[0] == 0):
             losses.restarts += previous is not None
             last.clear()

@@ -101,6 +101,7 @@ def sample_frames(rng: np.random.Generator) -> list[Frame]:
     frames: list[Frame] = []
     for kind in rng.choice(TYPES, rng.integers(2, 7)):
         frame_type, spec = int(kind), FRAMES[FrameType(int(kind))]
+        # Number of taxels: most frames are short, every twentieth has up to 240 taxels.
         count = int(rng.integers(1, 241 if rng.random() < 0.05 else 24))
         # A TAXELS payload has 14 bytes before the counts and a CRC of 4 bytes after them.
         length = 18 + 2 * count if frame_type == FrameType.TAXELS else int(rng.integers(spec.minimum, spec.maximum + 1))

@@ -164,7 +164,8 @@ def _select_cover(binary: Path, name: str, options: list[str], sources: list[Pat
 def merge_corpus(binary: Path) -> int:
     """Merge the new inputs of a target into the repository's corpus, and return the corpus's number of files.
 
-    It keeps the inputs that reach all edges, and then the longest inputs that increase the execution counts.
+    The new corpus contains a minimal set of inputs that reach all edges. The longest inputs that also increase the
+    execution counts of edges fill it up to `CORPUS_SIZE` files.
     """
     corpus, new_inputs = SEEDS / binary.name, OUT / "merged" / binary.name / "found"
     shutil.rmtree(new_inputs, ignore_errors=True)

@@ -76,8 +76,8 @@ class MutantReader:
     def _judge_data(self, mutant: Mutant, data: Flat) -> Outcome:
         """Judge the data of a mutant that the reader has accepted.
 
-        A reader that returns the data before a damage puts the error under the key "reported"; these data must be
-        correct.
+        Some readers return the data that precede a damaged place, and the error under the key "reported". These data
+        must be correct, too.
         """
         change = self.maker.describe_change(mutant)
         if "reported" in data:

@@ -52,7 +52,8 @@ class MutantMaker:
     def make(self, seed: int, number: int) -> Mutant:
         """Return mutant `number`; equal arguments give equal mutants.
 
-        Fields of a decoded file are mutated, or its bytes, which is also done for a file without a codec.
+        The mutation changes fields of the decoded file or, with a probability of at least `_BYTES_SHARE`, its bytes. In
+        a file without a codec it always changes bytes.
         """
         random = Random(f"{seed} {self._target.name} {number}")
         name = random.choice(self._names)
@@ -101,10 +102,10 @@ class MutantMaker:
 
 
 def _is_same(before: Flat, after: Flat, path: str) -> bool:
-    """Return whether the values at a path mean the same.
+    """Return whether the values at a path mean the same although their types or texts differ.
 
-    They are equal numbers in strings, such as 0.5 and .50, strings that differ only in white space, or a number and an
-    array of this one number.
+    This holds for equal numbers in strings (0.5 and .50), for strings that differ only in white space, and for a number
+    and an array that contains only this number.
     """
     own, other = before.get(path), after.get(path)
     if isinstance(other, np.ndarray) and other.size == 1 and other.dtype.kind in "iuf" and isinstance(own, int | float):
@@ -118,9 +119,10 @@ def _is_same(before: Flat, after: Flat, path: str) -> bool:
 
 
 def find_moved(before: Flat, after: Flat, paths: list[str]) -> frozenset[str]:
-    """Return the paths whose values have only moved between the elements of a list, such as `boards[0].name`.
+    """Return the paths whose values have only moved between the elements of a list.
 
-    paths: changed fields. Before the change, one of them that differs only in its indices had the same value.
+    paths: changed fields. Example: `boards[0].name` has moved if another changed field `boards[...].name` had its
+    present value before the change.
     """
     former: dict[str, Counter[str]] = {}
     for path in paths:

@@ -72,8 +72,8 @@ class _Worker:
     def is_late(self, limit_s: float) -> bool:
         """Return whether the worker has spent more than `limit_s` on one input.
 
-        The limit holds for the processor time, so a loaded machine causes no finding. A worker that waits uses none,
-        and is late after `WAITING_FACTOR` times the limit.
+        The limit holds for the processor time, so a loaded machine causes no finding. A worker that waits uses no
+        processor time; it is late after a wall-clock time of `WAITING_FACTOR` times the limit.
         """
         present = self.number.value
         now, cpu_s = time.monotonic(), _read_cpu_seconds(self.process.pid)

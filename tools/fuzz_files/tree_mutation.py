@@ -132,6 +132,7 @@ def _other_array(value: np.ndarray, random: Random) -> np.ndarray:
             number = _other_number(value.flat[0].item(), random)
             low, high = (np.iinfo(value.dtype).min, np.iinfo(value.dtype).max) if value.dtype.kind in "iu" else (0, 0)
             is_outside = value.dtype.kind in "iu" and not low <= number <= high
+            # number != number: NaN, which no integer type can store.
             if value.dtype.kind == "f":
                 number = float(number) if abs(number) < 1e308 or number != number else math.inf
             elif is_outside or number != number:

@@ -55,7 +55,7 @@ def run_worker(connection: Connection, number: Any, folder: str) -> None:
     while (task := connection.recv()) is not None:
         try:
             if task.target not in readers:
-                _lift_limit()  # that of the task before: libraries allocate much memory when they are imported
+                _lift_limit()  # set by the previous task; the import of libraries allocates much memory
                 own = Path(folder) / task.target
                 own.mkdir()
                 readers[task.target] = MutantReader(targets[task.target], own)

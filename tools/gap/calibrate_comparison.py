@@ -76,9 +76,10 @@ def describe_evidence(world: BenchmarkWorld, comparison: Comparison) -> dict[str
 
 
 def collect_evidence(world: BenchmarkWorld, bases: Path, datasets: Path | None) -> dict[str, Any]:
-    """Make a world, compare its datasets and return the evidence, or the world with the text of an error.
+    """Make a world, compare its datasets and return the evidence; after an error, return the world and the error text.
 
-    A world with one cause also has the evidence without its effect, under the key "without". bases: folder of the
+    A world is a pair of datasets with known causes of their gap. A world with one cause is compared a second time with
+    a catalogue that lacks its effect; this evidence has the key "without". bases: folder of the
     datasets without a cause, filled as needed. datasets: folder that keeps the datasets of all worlds, and from which
     the datasets of a world are reused; None: they are deleted.
     """
@@ -132,19 +133,20 @@ def run(
 
 
 def _is_too_weak(one: dict[str, Any]) -> bool:
-    """Return whether the single cause of a world changes the data too little to be a cause.
+    """Return whether the single cause of a world changes the data too little to count as a cause.
 
-    The limit is that of the gap report's definition, version 2.
+    The root of the excess, which is the squared gap minus the squared floor, must be at least `SMALLEST_CAUSE` floors.
     """
     _, floor, excess = one["gap"]
     return len(one["truth"]) == 1 and max(excess, 0.0) ** 0.5 < SMALLEST_CAUSE * floor
 
 
 def fit(evidence: list[dict[str, Any]], source: str) -> Calibration:
-    """Fit the models of the effects, of an unknown cause and of any cause to the evidence of worlds.
+    """Fit the logistic models of the calibration to the evidence of worlds with known causes.
 
-    Tried effects that no candidate set contains have no inputs: their probability is the share of true causes among
-    them. Every world has the weight 1 in total. source: text that names the origin of the evidence.
+    The models give the probabilities that an effect is a cause, that the cause is unknown, and that there is any cause.
+    A tried effect that no candidate set contains has no inputs for a model: its probability is the share of true causes
+    among such effects. Every world has the weight 1 in total. source: text that names the origin of the evidence.
     """
     weights = [one["weight"] for one in evidence]
     inputs: list[FloatArray] = []

@@ -109,6 +109,7 @@ def format_geometry(kinds: dict[str, BoardKind]) -> str:
     for name, kind in kinds.items():
         lines += ["", f"[geometry.{name}]", "taxels = ["]
         for row, tx in zip(ROW_FUNCTIONS[name](kind), kind.tx.tolist(), strict=True):
+            # + 0.0 changes -0.0 to 0.0.
             numbers = ", ".join(f"{value + 0.0:.6f}" for value in np.round(row, 6))
             lines.append(f"    [{numbers}], # TX {tx}")
         lines.append("]")

@@ -61,11 +61,12 @@ def build_kind(name: str, finger_direction: FloatArray) -> OriginalKind:
 def assign_lines(name: str) -> tuple[IndexArray, IndexArray]:
     """Return the assumed TX and RX line of each taxel, i64[n] each.
 
-    The lines make the order of a scan (TX by TX) the order of the message. Palm: two neighbouring columns of the heat
-    map share a TX line, and even and odd columns have their own RX lines. Other kinds: a row of the heat map is a TX
-    line; within a row, the RX lines follow the columns in the order of the message: from left to right on the proximal
-    boards, otherwise from right to left. Columns that never occur in the same row share a line where the thesis lists
-    fewer lines than the heat map has columns (Table 2.1: 8 x 4 for medial_front, 8 x 8 for medial_back).
+    With these lines, a scan (TX by TX) visits the taxels in the order of the original message. Palm: two neighbouring
+    columns of the heat map share a TX line, and even and odd columns have their own RX lines. Other kinds: a row of the
+    heat map is a TX line; within a row, the RX lines follow the columns in the order of the message: from left to right
+    on the proximal boards, otherwise from right to left. Columns that never occur in the same row share a line where
+    the thesis lists fewer lines than the heat map has columns (Table 2.1: 8 x 4 for medial_front, 8 x 8 for
+    medial_back).
     """
     if name == "palm":
         # 121 taxels: nine TX lines with 12 taxels each, then lines with 8 and 5 taxels
@@ -141,7 +142,7 @@ class _Sheet:
                     along = sign * direction
                     if neighbour is None:
                         rows.append(self._make_edge(index, axis, along, windows))
-                    elif sign > 0:
+                    elif sign > 0:  # each pair of neighbours once
                         rows += self._make_strip(index, neighbour, axis, windows)
         return np.array(rows)
 
@@ -179,6 +180,7 @@ def _orient_layout(name: str, taxels: FloatArray, distal: FloatArray) -> tuple[I
     """
     layout = read_layout(name)
     places = np.array([layout[i] for i in range(len(taxels))])
+    # The sheet is interrupted at a gap: a skipped index there keeps the taxels on both sides from being neighbours.
     for axis, gaps in enumerate(GAPS.get(name, ((), ()))):
         for gap in sorted(gaps, reverse=True):
             places[places[:, axis] > gap, axis] += 1

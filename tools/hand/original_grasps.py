@@ -62,7 +62,10 @@ def make_turn(angle: float) -> FloatArray:
 
 
 def compute_object_pose() -> FloatArray:
-    """Return the pose f64[4, 4] of the object in the frame of the arm's base."""
+    """Return the pose f64[4, 4] of the object in the frame of the arm's base.
+
+    The last rotation changes from the object frame of the original files to the object frame of this project.
+    """
     world = make_pose(OBJECT_M, [1.0, 0.0, 0.0, 0.0]) @ make_turn(OBJECT_YAW_RAD)
     base = make_pose(BASE_M, [1.0, 0.0, 0.0, 0.0])
     return np.asarray(inverse(base) @ world @ make_turn(-OBJECT_TURN_RAD))
@@ -90,7 +93,7 @@ def move_to_contact(pose: FloatArray) -> FloatArray:
     electrodes = apply(board.pose, hand.position[hand.get_slice(board.address)])
     shape = make_thesis_objects(ORIGINAL_SIZES)["triangular_prism"].shape
     result = pose.copy()
-    for _ in range(20):
+    for _ in range(20):  # repeated, because the nearest electrode and the direction to it change with the pose
         distance = float(shape.signed_distance(apply(result, electrodes)).min())
         result[:3, 3] += (distance - CONTACT_M) * result[:3, 0]  # the normal is the x axis of the palm link
     return result
@@ -98,6 +101,7 @@ def move_to_contact(pose: FloatArray) -> FloatArray:
 
 def format_pose(pose: FloatArray) -> list[str]:
     """Return the lines of a pose: position with six digits, quaternion with seven."""
+    # + 0.0 changes -0.0 to 0.0.
     return [
         f"position_m = [{', '.join(f'{value + 0.0:.6f}' for value in np.round(pose[:3, 3], 6))}]",
         f"quaternion_wxyz = [{', '.join(f'{value + 0.0:.7f}' for value in np.round(to_quaternion(pose), 7))}]",
@@ -105,7 +109,11 @@ def format_pose(pose: FloatArray) -> list[str]:
 
 
 def format_grasps() -> str:
-    """Return the text of original_grasps.toml: for each grasp, the angles of the finger bases and the palm poses."""
+    """Return the text of original_grasps.toml: for each grasp, the angles of the finger bases and the palm poses.
+
+    The palm pose has the suffix `hardware` or `simulation`. A simulation pose that is not recorded is the hardware pose
+    moved to contact.
+    """
     lines = [HEADER.rstrip("\n"), *format_pose(compute_object_pose())]
     poses, bases = read_rows("grasp_poses"), read_rows("grasp_finger_bases")
     for short, names in APPROACHES.items():

@@ -117,7 +117,7 @@ def format_rows(name: str, rows: FloatArray) -> list[str]:
     is thereby 43 % shorter.
     """
     lines = [f"{name} = ["]
-    for row in np.round(rows, 6) + 0.0:
+    for row in np.round(rows, 6) + 0.0:  # + 0.0 changes -0.0 to 0.0
         lines.append(f"[{','.join(format_short(value) for value in row.tolist())}],")
     return [*lines, "]"]
 

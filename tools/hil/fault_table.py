@@ -32,7 +32,11 @@ COUNTERS = (*(name for name in OUTCOMES if name not in {"forwarded", "repeated"}
 
 
 def measure_row(case: FaultCase) -> str:
-    """Inject a fault case on the virtual rig and return the table row with its measured consequences."""
+    """Inject a fault case on the virtual rig and return its row of the Markdown table.
+
+    The row states the reaction of hub and host, the counters that increase, the number of missing frames of the board,
+    and the recovery time.
+    """
     build = WorldBuild(has_known_counts=True)
     with open_rig(load_rig("virtual"), build) as rig, Skin(rig.uart.open_link(), rig.hand) as skin:
         address = get_address(rig.hand, BOARD_INDEX)

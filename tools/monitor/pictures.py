@@ -76,7 +76,10 @@ def main() -> int:
 
 
 def _draw_until_contact(monitor: SkinMonitor, view: WebView) -> SkinReading:
-    """Draw ten readings of the skin per second of virtual time in a view, until `END_S`. Returns the last reading."""
+    """Draw ten readings per second of virtual time until all indentations are in contact (`END_S`).
+
+    Returns the last reading of the skin.
+    """
     due_s = 0.0
     while True:
         for frame in monitor.skin.poll():

@@ -42,9 +42,10 @@ class ContactDistribution:
 
 
 def sample_unit_cube(n: int, seed: int) -> FloatArray:
-    """Return n quasi-random points (Sobol) of the unit cube, f64[n, 4], excluding its faces.
+    """Return n quasi-random points (Sobol) of the four-dimensional unit cube, f64[n, 4].
 
-    The same seed gives the same points, so a cloud changes smoothly with the sizes of its object.
+    The same seed gives the same points, so a cloud changes smoothly with the sizes of its object. The coordinates are
+    at least 1e-4 from 0 and 1, where the normal quantile of `build_contact_cloud` is infinite.
     """
     samples = qmc.Sobol(4, seed=seed).random_base2(int(np.ceil(np.log2(n))))[:n]
     return np.clip(np.asarray(samples, dtype=np.float64), 1e-4, 1 - 1e-4)
@@ -87,8 +88,10 @@ def _sample_face(prism: Prism, samples: FloatArray) -> FloatArray:
 
 
 def _sample_curve_by_area(profile: Polygon, u: FloatArray) -> FloatArray:
-    """Return the outline points f64[n, 2] of the uniform numbers u f64[n], for which equal intervals are sectors of
-    equal area.
+    """Return the outline points f64[n, 2] that belong to the uniform numbers u f64[n].
+
+    The sector from the first corner to the outline point, seen from the centre, has the share u of the polygon's area,
+    so equal intervals of u are sectors of equal area.
     """
     starts, ends = profile.corners, np.roll(profile.corners, -1, axis=0)
     areas = np.cumsum(starts[:, 0] * ends[:, 1] - starts[:, 1] * ends[:, 0])

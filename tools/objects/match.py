@@ -22,10 +22,11 @@ START_ANGLES_DEG = (0.0, 30.0, 90.0, 180.0)
 
 
 def build_starting_clouds(cloud: FloatArray, cloud_height: float, height: float) -> FloatArray:
-    """Return the positions f64[s, n, 3] from which the registration of a cloud f64[n, 3] starts, mm.
+    """Return the s starting positions f64[s, n, 3] of the registration of a cloud f64[n, 3] to an object, mm.
 
-    They are rotations of the cloud about the vertical axis, with its top and with its middle at that of the object.
-    cloud_height, height: height of the cloud's own object and of the object to register to.
+    The cloud is rotated about the vertical axis by each of START_ANGLES_DEG. Each rotation occurs twice: with the tops
+    of the cloud and the object at the same height, and with their middles at the same height. cloud_height: height of
+    the object to which the cloud belongs. height: height of the object to which it is registered.
     """
     angles = np.radians(START_ANGLES_DEG)
     cos, sin = np.cos(angles), np.sin(angles)

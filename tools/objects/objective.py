@@ -77,7 +77,8 @@ class Distances:
 def compute_contact_distributions(table: CloudTable, settings: CloudSettings) -> list[ContactDistribution]:
     """Return the distribution of each object's contact points.
 
-    Its mean and standard deviation are those of the table for the object's own model.
+    The mean and standard deviation of the distance from the surface are those of the table for the cloud of an object
+    and the CAD model of the same object.
     """
     return [
         ContactDistribution(share, table.mean[i, i], table.deviation[i, i], settings.band_mm, settings.palm_share)
@@ -112,9 +113,9 @@ def compute_distances(sizes: Sizes, settings: CloudSettings, with_own: bool = Tr
 
 
 def sum_squared_log_ratios(distances: Distances, table: CloudTable) -> float:
-    """Return the weighted sum of the squared logarithms of modelled distances divided by those of the thesis.
+    """Return the weighted sum of squared log ratios of the modelled distances to the distances of the thesis.
 
-    It is taken over the six pairs of a cloud and another object.
+    The sum includes the six pairs of a cloud and an object to which the cloud does not belong.
     """
     terms = (
         (distances.mean, table.mean, 1.0),

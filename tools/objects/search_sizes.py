@@ -202,7 +202,7 @@ def main() -> int:
     log: Callable[[str], None] = (lambda line: print(line, file=sys.stderr)) if args.json else print
     ranges: list[str] = []
     if args.evaluate:
-        sizes = Sizes(*[*args.evaluate, args.evaluate[5]])
+        sizes = Sizes(*[*args.evaluate, args.evaluate[5]])  # the triangle is equilateral: its leg is its side
     else:
         log(f"seeds {args.seed} to {args.seed + args.restarts - 1}")
         space = SearchSpace((args.heights[0], args.heights[1]), args.isosceles, args.narrowest)

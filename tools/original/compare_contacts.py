@@ -80,9 +80,10 @@ class Row:
 
 
 def count_by_rule(closing: Closing) -> dict[str, int]:
-    """Return how many taxels the recorded points activate by the plug-in's rule.
+    """Return how many taxels the recorded contact points activate, by threshold and kind of taxel centres.
 
-    The keys contain the threshold in mm and the kind of centres, "coded" or "true".
+    By the rule of the original contact plug-in, a contact point activates the taxels whose centres are nearer than a
+    threshold. A key contains the threshold in mm and the centres: "coded" (in the original code) or "true".
     """
     scene, palm, angles = make_scene(closing, OriginalRules())
     sensors = compute_sensor_poses(scene, palm, angles)
@@ -144,11 +145,12 @@ def activate(
     thresholds: Sequence[str] = ("final", "winter_2022"),
     coded: bool = True,
 ) -> Active:
-    """Return the taxels that the plug-in's rule activates, by threshold.
+    """Return the indices of the active taxels by threshold (a text in mm).
 
-    points: f64[c, 3] in the world. board_of_point: board that keeps each point; None: every board. sensors: f64[s, 4,
-    4], brackets in the world. thresholds: names in `THRESHOLD_HISTORY_M`. coded: use the centres in the original code
-    instead of the true ones.
+    By the rule of the original contact plug-in, a taxel is active if a contact point is nearer to its centre than the
+    threshold. points: f64[c, 3] in the world. board_of_point: board that keeps each point; None: every board. sensors:
+    f64[s, 4, 4], brackets in the world. thresholds: names in `THRESHOLD_HISTORY_M`. coded: use the centres in the
+    original code instead of the true ones.
     """
     hand, active = load_hand("original"), {}
     for name in thresholds:
@@ -167,7 +169,8 @@ def activate(
 def compare(name: str) -> tuple[Closing, list[Row]]:
     """Return the recovered closing `name` and the figures of its contact points.
 
-    They are the recorded points, MuJoCo's points in the same posture, and those of a closing that MuJoCo simulates.
+    There is one row of figures for the recorded contact points, one for the contact points of MuJoCo in the recovered
+    posture, and one for the contact points of a closing that MuJoCo simulates.
     """
     closing, rules = recover(name), replace(OriginalRules(), palm_tips_m=TIPS_M[name])
     scene, palm, angles = make_scene(closing, rules)

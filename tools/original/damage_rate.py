@@ -89,7 +89,7 @@ def compute_shifts(count: int, share: float) -> NDArray[np.float64]:
     third = share / 3
     one = np.array([third, 1 - share + third, third])  # inserted, kept or changed, lost
     power, result = one, np.ones(1)
-    while count:
+    while count:  # convolution power of `one` by repeated squaring
         if count & 1:
             result = np.convolve(result, power)
         power, count = np.convolve(power, power), count >> 1
@@ -154,7 +154,7 @@ def measure(cycles: int, share: float, seed: int) -> tuple[int, int, int, int, f
     undetected = 0
     for message in accepted:
         length = ORIGINAL.lengths[message.address]
-        origin = source[message.position + 2]
+        origin = source[message.position + 2]  # byte 2 is the address
         index = int(np.searchsorted(sent.starts, origin, "right")) - 1 if origin >= 0 else 0
         content = original[sent.starts[index] : sent.starts[index] + length]
         undetected += data[message.position : message.position + length] != content

@@ -58,9 +58,10 @@ class _Candidate:
 def decode_stream(known: OriginalFormat, stream: bytes) -> Decoded:
     """Return the messages and counters of a complete stream, by the rule of protocol/SPEC.md, part 7.
 
-    Every header with the end byte at its length is a candidate. Evidence of a candidate with a timestamp: at most
-    `TIME_STEP_MAX_MS` after the start of the hub (0) or one of the last `REFERENCE_TIMES` accepted times. Evidence
-    without timestamps: a header, or the end of the stream, directly behind the candidate.
+    A header is a candidate for a message if the end byte is at the distance that its length states. A candidate with a
+    timestamp has evidence if its time is at most `TIME_STEP_MAX_MS` after the start of the hub (0) or after one of the
+    last `REFERENCE_TIMES` accepted times. A candidate without a timestamp has evidence if a header, or the end of the
+    stream, follows directly. Of two overlapping candidates, the one with evidence is accepted, otherwise the later one.
     """
     if known.record_size:
         return _split_records(known, stream)

@@ -97,6 +97,7 @@ def measure(hand: Hand, configuration: Configuration, seconds: float = SECONDS) 
     world = format_world(hand, make_original_settings(configuration.firmware, clock_spread_ppm=0.0, **numbers))
     with tempfile.TemporaryDirectory(prefix="taxel-") as folder:
         account = run_emulator(world, Path(folder) / "stream.bin", seconds)["original"]
+    # The account contains times in seconds, with names such as "wire_s"; the result has milliseconds per cycle.
     per_cycle = {name[:-2]: 1e3 * account[name] / account["cycles"] for name in account if name.endswith("_s")}
     return Measurement(
         rate_hz=account["cycles"] / account["seconds"],

@@ -158,12 +158,12 @@ def recover(name: str, coded: bool = True) -> Closing:
 
 
 def fit_object(name: str, points: FloatArray) -> tuple[GraspObject, FloatArray]:
-    """Fit the object and its pose f64[4, 4] in the world from the contact points on it.
+    """Return the object of a closing and its pose f64[4, 4] in the world, fitted to the contact points on the object.
 
-    Its axis is the world's x axis.
+    name: "box" or "cylinder". points: f64[c, 3], metres. The axis of the object is the world's x axis.
     """
     if name == "box":
-        # Its faces towards the palm and towards the ground are those that the most points lie on.
+        # The smallest y and z of the points lie on the faces of the box towards the palm and towards the ground.
         centre = points.min(axis=0)[1:] + BOX_SIDE_M / 2
         item = GraspObject("box", ConvexPolytope.box(BOX_SIDE_M, BOX_SIDE_M, BAR_LENGTH_M), "Box of the Gazebo model")
     else:
@@ -179,6 +179,7 @@ def fit_object(name: str, points: FloatArray) -> tuple[GraspObject, FloatArray]:
         centre = least_squares(compute_residual, [0.07, 0.094], loss="soft_l1", f_scale=2e-4).x
         item = GraspObject("cylinder", Cylinder(RADIUS_M, BAR_LENGTH_M), "Cylinder of the Gazebo model")
     pose = np.eye(4)
+    # The z axis of the object, the axis of the bar, is the world's x axis.
     pose[:3, :3] = [[0, 0, 1], [1, 0, 0], [0, 1, 0]]
     pose[:3, 3] = BAR_START_M, *centre
     return item, pose

@@ -167,7 +167,11 @@ class IndependentCheck:
         return any(self.geometry.geometryObjects[k].parentJoint >= 6 for k in (pair.first, pair.second))
 
     def _find_pairs(self) -> Iterator[tuple[int, int]]:
-        """Yield the pairs that can collide: at least two joints apart in the arm, three within the hand."""
+        """Yield the index pairs of bodies that can collide.
+
+        Two bodies of the robot need at least two joints between them, or three within the hand (joint 6 of the arm and
+        beyond). Robot and table need at least two joints, robot and object or stand at least one.
+        """
         for i, first in enumerate(self.geometry.geometryObjects):
             for j in range(i + 1, self.geometry.ngeoms):
                 second = self.geometry.geometryObjects[j]

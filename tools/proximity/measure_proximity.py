@@ -63,7 +63,7 @@ def _report(result: SkinResult) -> SkinResult:
 
 
 def is_met(figures: dict[str, Any]) -> bool:
-    """Return whether all figures that the specification requires are met."""
+    """Return whether the figures of `compute_figures` meet the limits that are required of the estimator."""
     return bool(
         figures["median_error_mm"] <= 0.5
         and 0.90 <= figures["coverage"] <= 0.99
@@ -104,7 +104,7 @@ def compute_figures(results: Sequence[SkinResult]) -> dict[str, Any]:
 
 
 def _select(results: Sequence[SkinResult], passing: bool = False) -> list[Approach]:
-    """Return the approaches of the worlds with one target, in which an approach names no target (`Approach.target`).
+    """Return the approaches of the worlds in which the recognition of the target is not scored (`target` is empty).
 
     passing: return the approaches that pass sideways instead of those along the normal.
     """

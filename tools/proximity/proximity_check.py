@@ -85,8 +85,8 @@ class Task:
 def run_skin(task: Task) -> SkinResult:
     """Calibrate one skin, and score the estimator in worlds with other seeds.
 
-    Each group consists of a world with random speeds and one at `PREDICTED_SPEED_M_S`; two more worlds test the
-    recognition of the target.
+    Each of the `task.worlds` groups consists of a world with random speeds and a world with `PREDICTED_SPEED_M_S`. Two
+    more worlds test the recognition of the target.
     """
     rng = np.random.default_rng([task.seed, task.number])
     hand, skin = load_hand(HAND), sample_skin(rng)
@@ -167,7 +167,8 @@ def score_world(
     """Compare the estimates of one world with the true distances.
 
     estimates: (estimate, arrival time in seconds) of each frame, by board. target: name of the target if its
-    recognition is scored; otherwise "".
+    recognition is scored; otherwise "". A warning is a predicted contact (`find_warnings`). A warning is false if no
+    contact follows, or if it ends more than `AFTER_S` before the contact.
     """
     warnings = [(name, *times) for name, rows in estimates.items() for times in find_warnings(rows)]
     used: set[tuple[str, float, float]] = set()
@@ -179,7 +180,7 @@ def score_world(
         touched = np.flatnonzero(truth.distance_m <= 0.0)
         contact_s = float(truth.time_s[touched[0]]) if len(touched) else None
         before = [each[1] for each in of_board if contact_s is not None and each[1] <= contact_s]
-        # The last warning before the contact predicts it; earlier ones are false if they end long before the contact.
+        # A warning predicts the contact if it ends at most AFTER_S before the contact, or later.
         confirmed = [
             each
             for each in of_board
@@ -216,6 +217,7 @@ def score_world(
 
 def _select_range(rows: list[ProximityEstimate], truth: TrueDistance) -> Iterator[tuple[ProximityEstimate, float]]:
     """Yield each estimate whose true distance is in the scored range, with this distance in metres."""
+    # An infinite distance becomes 1 m, which is outside the scored range: np.interp requires finite values.
     finite = np.where(np.isfinite(truth.distance_m), truth.distance_m, 1.0)
     for estimate in rows:
         true = float(np.interp(estimate.time_s, truth.time_s, finite))

@@ -23,7 +23,10 @@ class SingleChunkLink:
         self.has_arrivals = getattr(link, "has_arrivals", True)
 
     def read(self, timeout_s: float) -> Chunk | None:
-        """Return the next chunk; after each chunk return None once, which ends the poll."""
+        """Return the next chunk; after each chunk return None once, which ends the poll.
+
+        All frames of one poll therefore have the arrival time `arrival_s`.
+        """
         if self._has_returned:
             self._has_returned = False
             return None

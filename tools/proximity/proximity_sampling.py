@@ -110,9 +110,9 @@ def turn(angle_rad: float) -> FloatArray:
 
 
 def sample_shape(rng: Rng) -> tuple[str, Shape, FloatArray]:
-    """Return a random target: family, shape, and the rotation that turns its sensed side to the skin.
+    """Return a random target: family, shape, and the pose f64[4, 4] that turns the sensed side of the shape downwards.
 
-    The sensed side is then the lower side.
+    Lengths are in metres.
     """
     family = ("plate", "box", "cylinder", "sphere")[int(rng.integers(4))]
     if family == "plate":
@@ -149,7 +149,9 @@ def make_sphere(radius_m: float, faces: int = 400) -> ConvexPolytope:
 def sample_path(kind: str, speed: float, rng: Rng) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return a random path of a target: times f64[k] from 0, distances f64[k], lateral displacements f64[k, 2].
 
-    kind: "contact", "stop", "pass" or "hold". speed: m/s. Lengths are metres, times seconds.
+    kind: "contact", "stop" (the target brakes 1.5 to 8 mm before the skin), "hold" (the same at 0.5 to 5 mm) or "pass"
+    (the target moves sideways at a constant height). After all kinds except "pass" the target retreats at 0.1 m/s.
+    speed: m/s. Lengths are metres, times seconds.
     """
     if kind == "pass":
         height, span = rng.uniform(0.002, 0.008), 0.12
@@ -175,7 +177,8 @@ def sample_path(kind: str, speed: float, rng: Rng) -> tuple[FloatArray, FloatArr
 def _brake(speed: float, end_m: float) -> tuple[list[float], list[float]]:
     """Return the times and distances of a target that brakes at constant deceleration and then rests for 0.8 s.
 
-    end_m: distance at which it rests.
+    end_m: final distance. Lengths are metres, times seconds. The mean speed during the braking is half the initial
+    speed, so the path `BRAKE_M` takes 2 `BRAKE_M` / speed.
     """
     duration = 2.0 * BRAKE_M / speed
     fraction = np.linspace(0.0, 1.0, 20)

@@ -20,7 +20,7 @@ TIMEOUT_S: Final = 15
 
 
 def run_audit(path: Path) -> list[dict[str, Any]] | None:
-    """Return the packages of a file of pinned versions with their vulnerabilities; None without a usable answer.
+    """Return the packages of a file of pinned versions with their vulnerabilities; None if pip-audit prints no result.
 
     path: lines "name==version". Packages that the database does not contain have a `skip_reason`.
     """

@@ -111,7 +111,8 @@ def check_core(environment: Environment) -> list[Check]:
     checks = []
     for command in CORE_COMMANDS:
         done = environment.run(*command)
-        detail = "" if done.returncode == 0 else (done.stderr or done.stdout).strip().splitlines()[-1]
+        lines = (done.stderr or done.stdout).strip().splitlines() or ["no output"]
+        detail = "" if done.returncode == 0 else lines[-1]
         checks.append(Check(" ".join(command), done.returncode == 0, detail))
     for command, extra in EXTRA_COMMANDS.items():
         done = environment.run(*command)

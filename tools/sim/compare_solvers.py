@@ -30,7 +30,7 @@ SIGNAL_COUNTS = 10.0
 def make_nominal_plan() -> tuple[PlannedGrasp, ...]:
     """Return the first planned grasp of each object and approach."""
     first: dict[tuple[str, str], PlannedGrasp] = {}
-    for planned in make_thesis_plan(1, 6):
+    for planned in make_thesis_plan(1, 6):  # The seed 1 and the 6 sessions determine only the order of the grasps.
         first.setdefault((planned.object, planned.approach), planned)
     return tuple(first.values())
 

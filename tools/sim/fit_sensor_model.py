@@ -51,8 +51,10 @@ def measure_signals(hand: Hand, seed: int) -> Calibration:
     """
     loaded = np.array([hand.get_slice(board.address).start + board.kind.taxel_count // 2 for board in hand.boards])
     starts = START_S + HOLD_S * np.arange(len(FORCES_N))
+    # Each force is constant from its start until 0.1 s before its end; the first two times are the unloaded baseline.
     times = np.concatenate([[0.0, START_S - 0.1], np.stack([starts, starts + HOLD_S - 0.1], axis=1).ravel()])
     forces = np.zeros((len(times), hand.n_taxels))
+    # The force is proportional to the area of the taxel, so that the pressure is the same on all boards.
     forces[2:, loaded] = np.repeat(FORCES_N, 2)[:, None] * hand.area_share[loaded]
     end_s = START_S + HOLD_S * len(FORCES_N)
     with tempfile.TemporaryDirectory(prefix="taxel-") as folder:

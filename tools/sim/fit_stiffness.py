@@ -35,6 +35,7 @@ def fit_law(depth_m: FloatArray, force_n: FloatArray) -> tuple[LayerLaw, float]:
     def make_law(values: FloatArray) -> LayerLaw:
         """Make the force law from its stiffness in N/mm and three lengths in millimetres."""
         stiffness, stiffening, closing, solid = (1e-3 * values).tolist()
+        # The law continues along its tangent beyond straight_m; 1 m excludes this part from the fit.
         return LayerLaw(1e6 * stiffness, stiffening, closing, solid, straight_m=1.0)
 
     def compute_errors(values: FloatArray) -> FloatArray:

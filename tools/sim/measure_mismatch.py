@@ -22,8 +22,8 @@ def read_hold_signals(
 ) -> tuple[dict[Key, dict[int, list[NDArray[np.float64]]]], NDArray[np.bool_]]:
     """Read the mean signals f64[n] over the hold phase of all grasps of a dataset, in counts.
 
-    Returns lists of them by (object, approach) and session, and the mask bool[n] of the taxels to use. use_all: use all
-    taxels instead of those that worked in the experiments of the thesis.
+    Returns lists of these signals by (object, approach) and session, and the mask bool[n] of the taxels to use.
+    use_all: use all taxels, not only the taxels that worked in the experiments of the thesis.
     """
     signals: dict[Key, dict[int, list[NDArray[np.float64]]]] = {}
     with GraspDataset(path) as data:

@@ -75,10 +75,10 @@ def read_fault(address: int, identity: dict[str, Any]) -> Procedure[FaultRecord 
 def request_bootloader(address: int) -> Procedure[None]:
     """Send the command ENTER_BOOTLOADER to the boards at an I2C address, of any map revision.
 
-    The first transfer carries the key. The second, without the key, is for boards of map revision 0, which reject the
-    first; a board with a newer map is restarting and does not acknowledge it, or its bootloader ignores it. Both are
-    needed, because the identity of several boards at one address cannot be read. Raises `TransferError` if no board
-    acknowledges the first transfer.
+    The first transfer carries the key. Boards of map revision 0 reject this transfer; the second transfer, without the
+    key, is for these boards. It has no effect on a board with a newer map: either the board is restarting and does not
+    acknowledge, or its bootloader ignores the bytes. Both transfers are needed, because the identity of several boards
+    at one address cannot be read. Raises `TransferError` if no board acknowledges the first transfer.
     """
     command = {"command": int(BoardCommand.ENTER_BOOTLOADER), "complement": BoardCommand.ENTER_BOOTLOADER ^ 0xFF}
     with_key = pack(EnterBootloaderRegister, command | {"key": BOOTLOADER_KEY})
@@ -109,7 +109,7 @@ def wait_for_application(address: int, now_s: Clock, timeout_s: float) -> Proced
 
 
 def trigger_confirmation(address: int, now_s: Clock, timeout_s: float) -> Procedure[None]:
-    """Let a new firmware image scan, then read a snapshot, which makes the image confirm itself.
+    """Wait for the scans of a new firmware image, then read a snapshot, which makes the image confirm itself.
 
     Failed reads are repeated. Raises `BoardError` if the image does not complete `SCANS_TO_CONFIRM` scans within
     `timeout_s` seconds.

@@ -36,8 +36,9 @@ def require_file_signature(path: Path, data: bytes, trust: Sequence[Path], unsig
 def confirm_downgrades(firmware: Firmware, running: Mapping[str, Version | None], downgrade: bool) -> bool:
     """Return whether firmware may replace newer versions: `downgrade`, or the user's confirmation at the terminal.
 
-    running: running version by device name; None if unknown, which is compared later in the bootloader. Raises
-    `TaxelError` if a device runs a newer version and neither permits the downgrade.
+    downgrade: whether the option --downgrade is given. running: running version by device name; None if unknown: this
+    device is compared later in its bootloader. Raises `TaxelError` if a device runs a newer version, and neither the
+    option nor the user permits the downgrade.
     """
     newer = {name: version for name, version in running.items() if version and is_downgrade(version, firmware.version)}
     if downgrade or not newer:

@@ -171,6 +171,7 @@ class _Update:
             running = _decode_version(metadata["application_version"]) if metadata is not None else ()
         else:
             running = before
+        # The metadata contain no patch number: only the numbers of `running` are compared.
         if is_downgrade(running, self.firmware.version[: len(running)]):
             raise BoardError(
                 self.address,
@@ -185,6 +186,7 @@ class _Update:
         metadata = yield from self.session.read_metadata(used_slot)
         image = self.firmware.select_image_for(used_slot)
         is_confirmed = info.confirmed == used_slot
+        # `custom_id` of the metadata is the CRC-32 of the image in the slot.
         return is_confirmed and metadata is not None and image is not None and metadata["custom_id"] == image.crc
 
     def _leave_unchanged(self, before: Version | None, slot: int, start_s: float) -> Procedure[Outcome]:
@@ -253,7 +255,7 @@ class _Update:
         self.report(Progress(self.address, "confirming", total, total))
         yield from self.target.trigger_confirmation(CONFIRM_TIMEOUT_S)
         yield Pause(CONFIRM_WRITE_S)
-        # Only the bootloader reports the confirmed slot; entering it also tests the command of the new image.
+        # Only the bootloader reports the confirmed slot; `enter` also tests the new image's command for the restart.
         yield from self.target.enter()
         info = yield from self.session.read_info()
         yield from self.session.exit()

@@ -76,8 +76,9 @@ class HubPackets:
             pass
 
     def _run_transfer(self, transfer: Transfer) -> bytes | TransferError:
-        """Send the bytes of a transfer as a packet. Returns the response of the hub's bootloader, padded with 0xFF,
-        or an error.
+        """Send the bytes of a transfer as a packet. Returns the response of the hub's bootloader, or an error.
+
+        The response is padded to `read_size` with 0xFF, the byte that a board without a response returns on I2C.
         """
         if transfer.write and not self._send(transfer.write):
             return LostError(transfer.address, f"the bootloader does not answer on {self.name}")

@@ -59,9 +59,10 @@ FLUSH_SIZE: Final = len(encode_frame(FrameType.COMMAND, 0, bytes(2)))
 
 
 def _count_flush_commands(expected: int) -> int:
-    """Compute how many GET_TIME commands are needed, whose replies flush earlier replies out of the USB adapter.
+    """Return the number of GET_TIME commands whose replies flush all earlier replies out of the USB adapter.
 
-    expected: bytes of the replies that are due.
+    expected: bytes of the replies that are due. The adapter delays a packet that is not full, so that the last replies
+    would arrive late.
     """
     return max(-((expected - FLUSH_THRESHOLD) // FLUSH_REPLY_SIZE), 0)  # missing bytes / size of a reply, rounded up
 
@@ -107,8 +108,9 @@ class HubQueue(HubClient):
         self._handshakes = 0
 
     def _take_message(self, message: HubMessage) -> None:
-        """Process a message of the hub. A logged receive overrun reduces the number of bytes in flight to the ring
-        buffer's size.
+        """Process a message of the hub.
+
+        A logged receive overrun reduces the permitted number of bytes in flight to the size of the hub's ring buffer.
         """
         super()._take_message(message)
         if message.type is FrameType.LOG and message.fields["code"] == LogCode.RECEIVE_OVERRUN:
@@ -174,7 +176,7 @@ class HubQueue(HubClient):
         return None
 
     def _is_too_soon(self, transfer: Transfer) -> bool:
-        """Return whether a transfer must wait, because its board still processes the previous one.
+        """Return whether a transfer must wait, because its board still processes the previous transfer.
 
         This is the case if fewer than `SAME_BOARD_GAP` bytes of transfers with other boards have been sent since.
         """

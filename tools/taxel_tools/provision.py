@@ -100,7 +100,7 @@ def _request_bootloader(address: int) -> Procedure[None]:
 
 
 def find_boards(wire: BoardWire, address: int = BOOT_DEFAULT_ADDRESS) -> list[Candidate]:
-    """Find every board in its bootloader at `address`, sorted by unique id; afterwards all of them listen again.
+    """Find every board in its bootloader at `address`, sorted by unique id; afterwards all of them respond again.
 
     Writes nothing. Raises `BoardError` if the replies contradict each other, as on faulty wiring.
     """
@@ -111,7 +111,8 @@ def find_boards(wire: BoardWire, address: int = BOOT_DEFAULT_ADDRESS) -> list[Ca
             Candidate(address, unique_id, _read_configuration(wire, session, unique_id)) for unique_id in sorted(ids)
         ]
         if boards:
-            run(wire, session.search(0, bytes(8)))  # zero bits of the id match every board, so all boards listen again
+            # A search deselects the boards that do not match; a search for 0 bits of the id selects all boards again.
+            run(wire, session.search(0, bytes(8)))
     except ValueError as error:
         problem = f"the replies of the boards contradict each other ({error}); check the wiring"
         raise BoardError(address, problem) from None
@@ -275,7 +276,7 @@ def write_changes(wire: BoardWire, changes: Sequence[Change]) -> None:
             raise BoardError(session.address, problem)
         run(wire, _reset_boot_attempts(session))
         run(wire, session.exit())
-    # A search for zero bits makes the boards that stay at the address listen again.
+    # A search for 0 bits of the id selects all boards that stay at the address, so that they respond again.
     for address in {change.candidate.address for change in changes}:
         run(wire, BootSession(address, wire.now_s).search(0, bytes(8)))
 

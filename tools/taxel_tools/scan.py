@@ -55,7 +55,7 @@ def scan_bus(wire: BoardWire) -> list[BusDevice]:
 
 def identify_device(address: int, now_s: Clock) -> Procedure[BusDevice]:
     """Identify the device at an I2C address: a running board, a bootloader, several boards, or a foreign device."""
-    data = b"\xff"
+    data = b"\xff"  # If all transfers fail, the device may be a bootloader, which returns FF bytes.
     has_taxel_signature = False
     for _ in range(READ_ATTEMPTS):
         try:

@@ -191,12 +191,13 @@ class BootSession:
     def _finish_row(self, row: int) -> Procedure[int]:
         """Wait until the bootloader has written a flash row. Returns the 8-bit sum of the row in flash.
 
-        One burst reads the response to the write, requests the sum of the row and reads the sum. What the burst did not
-        deliver, because the board was busy or a transfer was damaged, is then requested singly.
+        One burst reads the response to the write, requests the sum of the row and reads the sum. If the board
+        was busy or a transfer was damaged, the missing results are then requested singly.
         """
         verify_packet = build_packet(BootCommand.VERIFY_ROW, pack(RowAddress, {"array": 0, "row": row}))
         burst = Burst((self._make_response_read(0), Transfer(self.address, verify_packet), self._make_response_read(1)))
         yield burst
+        # On a bus without a queue, a burst ends at its first failure: the missing outcomes become None.
         write_response, verify_outcome, sum_response = [*burst.outcomes, None, None][:3]
         if self._parse_if_ready(write_response, 0) is None:
             yield from self.read_response(0)

@@ -110,6 +110,7 @@ class SmbusWire:
         """
         with optional_import("smbus2", f"the I2C adapter {self.name}"):
             from smbus2 import i2c_msg
+        # A transfer without data writes 0 bytes: only the address is sent, and the device acknowledges it.
         messages = [i2c_msg.write(transfer.address, transfer.write)] if transfer.write or not transfer.read_size else []
         read = i2c_msg.read(transfer.address, transfer.read_size)
         try:

@@ -48,7 +48,7 @@ def _to_node_id(classname: str, name: str) -> str:
 def choose(times: dict[str, float], budget_s: float) -> list[str]:
     """Choose the longest tests until the others take at most `budget_s` seconds.
 
-    The quickest test of each file is never chosen.
+    The quickest test of each file and tests shorter than `SHORTEST_S` are never chosen.
     """
     remaining = Counter(node_id.split("::")[0] for node_id in times)
     total = sum(times.values())

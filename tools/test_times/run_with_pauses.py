@@ -17,13 +17,14 @@ from pathlib import Path
 
 
 def list_processes(session: int) -> list[int]:
-    """Return the process ids of a session of processes (`setsid`), except its leader."""
+    """Return the ids of the processes in a session (`setsid`), except its leader, whose process id is `session`."""
     found = []
     for path in Path("/proc").glob("[0-9]*/stat"):
         try:
             fields = path.read_text().rpartition(")")[2].split()
         except OSError:  # the process has ended
             continue
+        # Fields after the name of the process (proc(5)): state, parent, process group, session.
         if int(fields[3]) == session and int(path.parent.name) != session:
             found.append(int(path.parent.name))
     return found

@@ -121,7 +121,8 @@ def describe_diagnosis(real: Path, sim: Path) -> str:
 def _describe_effect(entry: Mapping[str, Any]) -> str:
     """Return an effect's name and its share of the reducible gap.
 
-    For a dropout also the numbers of its taxels, of their boards, and of those that are masked.
+    For a dropout, the text also states the number of its taxels, the number of their boards, and how many of the taxels
+    are masked (the original host ignores them).
     """
     text = f"{entry['name']} ({100 * entry['shapley_share']:.0f} %"
     if entry["name"] == DROPOUT:
@@ -145,7 +146,9 @@ def find_dropped_taxels(parameters: Mapping[str, Any]) -> BoolArray:
 def make_pairs(out: Path, iterations: int, wanted: set[str]) -> dict[str, tuple[Path, Path]]:
     """Create the datasets of the wanted pairs and return (hand, simulator) by the name of the pair.
 
-    A twin is a simulation with the seed of the hand, which is written as the dataset of the hand.
+    wanted: names of pairs (`PAIRS`). A name is the effect in which both sides differ; the sides of "none" and
+    "none_plugin" differ only in the seed. A twin is a simulation with the seed of the hand, which is written as the
+    dataset of the hand.
     """
     pairs: dict[str, tuple[Path, Path]] = {}
     if wanted & {"none", "mask", "tuned_poses", "coded_host"}:
@@ -175,7 +178,7 @@ def make_pairs(out: Path, iterations: int, wanted: set[str]) -> dict[str, tuple[
 
 
 def _get_coded_positions() -> np.ndarray:
-    """Return the taxel centres f64[n, 3] in the code of the original host; true centres where it has none."""
+    """Return the taxel centres f64[n, 3] from the code of the original host; true centres where the code has none."""
     coded = get_centres(SETS, OwnEffects(coded_host=True), is_real=True)
     coded[SETS.has_no_coordinates] = SETS.true_centres[SETS.has_no_coordinates]
     return coded

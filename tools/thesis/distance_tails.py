@@ -94,7 +94,7 @@ def print_printed() -> None:
 
 
 def print_dataset(path: Path) -> None:
-    """Print the tails of a dataset's contact clouds, and where their far points lie."""
+    """Print the tails of the distances from a dataset's contact clouds to the CAD models, and where far points lie."""
     limits = {item.printed_name: item.cad[REAL].max_m for item in build_printed_results()}
     with closing(GraspDataset(path)) as data:
         for name in data.objects:
@@ -124,8 +124,9 @@ def print_dataset(path: Path) -> None:
 
 
 def describe_origin(cloud: ContactCloud, distances: FloatArray, taxels: TaxelTable) -> str:
-    """Return where the points beyond 10 mm lie: on a line of a contact, on a board with or without contact.
+    """Return the numbers of points beyond 10 mm: on a line of a contact, on a board with or without contact.
 
+    A contact is a point of the same grasp and board within `CONTACT_M` of the CAD model; a line is a TX or RX line.
     distances: f64[k], distance of each point of the cloud to the CAD model, metres.
     """
     counts = {"on a line of a contact": 0, "on a board with contact": 0, "on a board without contact": 0}
@@ -143,7 +144,7 @@ def describe_origin(cloud: ContactCloud, distances: FloatArray, taxels: TaxelTab
 
 
 def main() -> None:
-    """Print the tails of the printed tables and of the given datasets."""
+    """Print the tails of the distances in the printed tables of the thesis and in the given datasets."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("datasets", type=Path, nargs="*", help="grasp datasets")
     options = parser.parse_args()

@@ -130,7 +130,10 @@ class CandidateModel:
         self.boards = [np.flatnonzero(self.taxels.sensor == board) for board in np.unique(self.taxels.sensor)]
 
     def predict_signal(self, force: FloatArray, candidate: Candidate, rng: np.random.Generator) -> FloatArray:
-        """Predict the signals f64[n] in counts of a hand from the forces f64[n] in N, with a candidate's effects."""
+        """Predict the signals f64[n] in counts of a hand from the forces f64[n] in N, with a candidate's effects.
+
+        The effects are the spread of the force on a board, the gain, crosstalk along lines, compression, and noise.
+        """
         result = np.zeros_like(force)
         full_scale, half_force = self.sensor_model.full_scale_drop_counts, self.sensor_model.half_force_n
         for board in self.boards:
@@ -163,6 +166,7 @@ def build_clouds(model: CandidateModel, candidate: Candidate, seed: int) -> dict
     neighbours = propagation.find_neighbours(model.taxels)
     parts: dict[str, CloudParts] = {}
     for number, load in enumerate(model.loads):
+        # The candidate contains the index of a displaced campaign for each object, under the object's printed name.
         displaced = model.displaced_loads[int(getattr(candidate, get_printed_name(load.object)))][number]
         clouds = parts.setdefault(load.object, {REAL: [], SIM: [], SPREAD: []})
         signal = model.predict_signal(displaced.force, candidate, rng)
@@ -196,7 +200,8 @@ def _join_and_treat(model: CandidateModel, name: str, parts: CloudParts) -> Obje
 def compute_objective(model: CandidateModel, candidate: Candidate, seed: int) -> tuple[float, float, list[Finding]]:
     """Return the objective of a candidate, the mean skill of its tables, and the findings of the thesis.
 
-    seed: seed of the noise.
+    Objective: number of reproduced findings, plus the mean share of objects for which a finding holds, plus the mean
+    skill. seed: seed of the noise.
     """
     items = build_clouds(model, candidate, seed)
     meshes = {name: items[name].mesh for name in OBJECTS}
@@ -213,7 +218,10 @@ MIN_SKILL: Final = -1.0
 
 
 def _average_skill(results: Sequence[ObjectResult]) -> float:
-    """Return the mean skill of mean, RMS, maximum and standard deviation over the groups of tables."""
+    """Return the mean skill of mean, RMS, maximum and standard deviation over the groups of tables.
+
+    A skill below `MIN_SKILL` counts as `MIN_SKILL`, so that one bad table does not hide the others.
+    """
     skills = compute_skills(results).groups
     values = [skill.value for (_, column), skill in skills.items() if column in STATISTICS]
     return float(np.mean([max(value, MIN_SKILL) for value in values if value is not None]))
@@ -273,6 +281,8 @@ def main() -> None:
             file.append(json.dumps(row))
             counts = [len(numbers) for numbers in reproduced]
             print(f"{number + 1:4}: {objective:.2f} ({counts} findings), best {best[0][0]:.2f}", flush=True)
+    if not best:
+        sys.exit("no candidate has a cloud with points; increase --candidates")
     print(json.dumps(asdict(best[0][1])))
 
 

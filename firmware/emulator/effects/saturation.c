@@ -25,7 +25,8 @@ int saturation_read(struct effect_line *line, struct effects *effects)
 
 /* Return the hardware count of a taxel after saturation. The rise x above the count without contact is limited to
  * `counts` (clip), or becomes x counts / (x + counts) because of the output resistance of the current source (soft).
- * Counts below the count without contact are unchanged. */
+ * `strength` interpolates between no effect (0) and this result (1). Counts below the count without contact are
+ * unchanged. */
 double saturation_limit(const struct saturation_board *board, double rest_count, double hardware_count)
 {
     const double above = hardware_count - rest_count;

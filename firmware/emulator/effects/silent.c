@@ -41,7 +41,7 @@ int silent_read(struct effect_line *line, struct effects *effects)
         effect_line_optional(line, "burst", 1.0, 1e6, 4.0, &burst)) {
         return -1;
     }
-    if (p > burst * (1.0 - p)) {
+    if (p > burst * (1.0 - p)) { /* p / (burst (1 - p)), the probability that a burst begins, would exceed 1 */
         return effect_line_report_error(line, "expected p <= burst / (1 + burst), found a larger p; raise burst=");
     }
     for (size_t i = boards.first; i < boards.end; i++) {
@@ -51,7 +51,8 @@ int silent_read(struct effect_line *line, struct effects *effects)
     return 0;
 }
 
-/* Start the random stream of the contact of a board; the first state is bad with the stationary probability. */
+/* Initialise the loose contact of a board: its own random sequence, and its first state. The first state is bad (the
+ * board does not acknowledge) with probability p, the stationary probability of the Markov chain. */
 void silent_open(struct silent_contact *contact, const struct silent_effect *silent, size_t board, uint64_t seed,
                  uint8_t address)
 {

@@ -47,8 +47,9 @@ static double distance_between(const struct patch *patch, int row, int column, i
     return hypot(hypot(to[0] - from[0], to[1] - from[1]), to[2] - from[2]);
 }
 
-/* Convolve a row of cells with a kernel that is multiplied by attenuation[i] between positions i - 1 and i, in one pass
- * per direction. attenuation is 0 beside a position without a cell, so nothing propagates across a gap. */
+/* Convolve a row of cells with a kernel that falls by the factor attenuation[i] between positions i - 1 and i. One pass
+ * per direction is sufficient. attenuation is 0 beside a position without a cell, so nothing propagates across a
+ * gap. */
 static void sum_row(const double *in, double *out, const double *attenuation, int columns)
 {
     double from_before = 0.0, from_after = 0.0;
@@ -62,8 +63,9 @@ static void sum_row(const double *in, double *out, const double *attenuation, in
     }
 }
 
-/* Convolve every column of the grid as sum_row() a row, all columns at once, in one pass per direction. attenuation[i]
- * applies between position i and the position above it. */
+/* Convolve every column of the grid with a kernel that falls by the factor attenuation[i] between position i and the
+ * position above it. As in sum_row(), one pass per direction is sufficient; each pass processes all columns
+ * together. */
 static void sum_columns(const double *in, double *out, const double *attenuation, int rows, int columns)
 {
     double from_after[GRID_MAX] = {0.0};
@@ -198,10 +200,10 @@ void spread_pressure(struct spread_state *state, const struct spread_effect *spr
     }
 }
 
-/* Extend compressions from one row of cells to the next, by a chamfer pass: each position of `row` takes the largest of
- * its own compression and those of its three neighbours in row `from`, each minus its decrease: straight[i] from
- * from[i], before[i] from from[i - 1], after[i] from from[i + 1], metres, infinite where one of the positions has no
- * cell. */
+/* Extend compressions (metres) from one row of cells to the next: one step of a chamfer transform. Each position of
+ * `row` takes the largest of its own compression and the reduced compressions of its three neighbours in row `from`.
+ * The reductions are straight[i] for from[i], before[i] for from[i - 1] and after[i] for from[i + 1]; a reduction is
+ * infinite where one of the two positions has no cell. */
 static void grow_across(double *row, const double *from, const double *straight, const double *before,
                         const double *after, int columns)
 {
@@ -213,13 +215,14 @@ static void grow_across(double *row, const double *from, const double *straight,
     }
 }
 
-/* Extend compressions along one row of cells, by a chamfer pass in direction +1 or -1: each position takes the larger
- * of its own compression and that of the position before it minus the decrease, which is decrease[i] between positions
- * i - 1 and i. Returns whether the row can raise the next row: whether a compression exceeds `smallest`, the smallest
- * decrease between two cells. */
+/* Extend compressions (metres) along one row of cells in direction +1 or -1: one step of a chamfer transform. Each
+ * position takes the larger of its own compression and the reduced compression of its predecessor in this direction.
+ * The reduction between positions i - 1 and i is decrease[i]. Returns whether the row can raise the next row: whether a
+ * compression exceeds `smallest`, the smallest decrease between two cells. */
 static bool grow_along(double *row, const double *decrease, double smallest, int columns, int direction)
 {
     const int first = direction > 0 ? 0 : columns - 1;
+    /* backward, the predecessor of position i is i + 1, so the reduction is decrease[i + 1] */
     const double *const hop = direction > 0 ? decrease : decrease + 1;
     bool can_grow = false;
     for (int n = 0, i = first; n < columns; n++, i += direction) {

@@ -53,10 +53,10 @@ static double bound_square_distance(const struct cell *cells, double size, const
 }
 
 /* Return whether every cell of square number `square` (the 16 cells of a taxel) has an electrode at least `thickness` +
- * `reach` (metres) away from the object, which holds for most squares of a hand most of the time. With a grip, `due` is
- * the travel of the board at which the square may touch the object. While the present travel is below `due`, their
- * difference is a sufficient bound of the distance, and the square is not examined again. Updates `due` of the grip and
- * the clearance of the load, unless they are NULL. */
+ * `reach` (metres) away from the object, which holds for most squares of a hand most of the time. With a grip, the
+ * distance is not computed in each call: grip->travel is the motion of the board so far, and grip->due[square] is the
+ * travel at which the square may first touch the object. While the travel is below this value, the difference of both
+ * is a lower bound of the distance. Updates grip->due and load->clearance; grip and load may be NULL. */
 static bool square_is_far(const struct cell *cells, size_t square, const struct patch *patch, const struct shape *shape,
                           const struct frame *object_from_bracket, double thickness, double reach,
                           struct contact_grip *grip, struct contact_load *load)
@@ -76,9 +76,10 @@ static bool square_is_far(const struct cell *cells, size_t square, const struct 
     return distance >= reach;
 }
 
-/* Add the motion of the board relative to the object since the last call to both travel counters of the grip: the shift
- * of the bracket's origin, plus the rotation times the largest distance of a cell from that origin. The first call sets
- * travel counters and stored distances to 0. thickness: layer above the electrodes, metres. */
+/* Add an upper bound of the motion of the board relative to the object since the last call to both travel counters of
+ * the grip. The bound is the shift of the bracket's origin, plus the norm of the change of the rotation matrix times
+ * the largest distance of a cell from that origin. skin_travel is the bound for the outer surface of the layer, which
+ * lies `thickness` (metres) farther away. The first call sets travel counters and stored distances to 0. */
 static void add_travel(struct contact_grip *grip, const struct patch *patch, const struct frame *object_from_bracket,
                        double thickness)
 {
@@ -86,7 +87,7 @@ static void add_travel(struct contact_grip *grip, const struct patch *patch, con
     const double *c = patch->centre, size = sqrt(c[0] * c[0] + c[1] * c[1] + c[2] * c[2]) + patch->bound;
     for (int i = 0; grip->has_frame && i < 12; i++) {
         const double change = object_from_bracket->row[i / 4][i % 4] - grip->frame.row[i / 4][i % 4];
-        *(i % 4 == 3 ? &shift : &turn) += change * change;
+        *(i % 4 == 3 ? &shift : &turn) += change * change; /* column 3 is the translation */
     }
     if (!grip->has_frame) {
         memset(grip->due, 0, (patch->taxel_count + patch->margin_count) * sizeof *grip->due);
@@ -158,8 +159,9 @@ static void release_square(const struct contact_grip *grip, size_t first)
     }
 }
 
-/* Store the distance (metres) from the object of the square that begins at cell number `first`: none of its cells
- * touches the object before the board has moved by this distance. */
+/* Store that no cell of a square touches the object before the board has moved by `distance` (metres), the distance of
+ * the square from the object. first: number of the first cell of the square. Does nothing if the grip stores no
+ * distances. */
 static void store_distance(struct contact_grip *grip, size_t first, double distance)
 {
     if (grip && grip->untouched) {

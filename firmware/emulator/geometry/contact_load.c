@@ -14,19 +14,19 @@ struct cell_contact {
     double share;    /* of the area of the cell that the object touches */
 };
 
-/* Return whether the skin slides on the object: the shear force `reached` without sliding exceeds `limit` (both in
- * newtons). */
+/* Return whether the skin slides on the object: the shear force `reached`, which would act if the skin stuck, exceeds
+ * the friction limit `limit` (both in newtons). */
 bool contact_load_slides(double reached, double limit)
 {
     return reached > limit;
 }
 
-/* Add the shear of cell number `cell`, whose top is at `top`, to a force (N) and a stiffness (N/m): a spring between
- * the top and the point where the cell sticks to the object, limited by friction (coefficient times pressing force).
- * The part of the cell that touches the object only since this step is not sheared: as the touched share of the cell
- * grows, the point where the cell sticks moves towards the top. A sliding cell has no stiffness along its shear,
- * because the friction force does not grow. area: of the cell, square metres. Updates the point if the grip
- * advances. */
+/* Add the shear of cell number `cell` to a force (N) and a stiffness (N/m). The cell is a spring between its top, at
+ * `top`, and the point of the object to which it sticks. Friction (coefficient times pressing force) limits the force
+ * of the spring. The part of the cell that has touched the object only since this step is not sheared, so the
+ * displacement is multiplied by the share of the contact area that stuck before. A sliding cell has no stiffness along
+ * its shear, because the friction force does not grow. area: of the cell, square metres. If the grip advances, share
+ * and point of the cell are updated. */
 static void add_shear_spring(const struct contact_grip *grip, size_t cell, const double top[3],
                              const struct cell_contact *contact, double area, double force[3], double stiffness[3][3])
 {
@@ -141,8 +141,8 @@ static double compute_depth_at_centre(const struct cover_load *face)
 }
 
 /* Sum the forces of the `count` faces of the object that press on a cell. Returns direction, magnitude (newtons) and
- * point of the sum, and the touched share of the cell. The point `arm` is the offset from the middle of the cell in
- * half sides, and the depth in metres. area: of the cell, square metres. */
+ * point of action of the sum, and the touched share of the cell. arm[0] and arm[1] are the offset of the point from the
+ * middle of the cell in half sides; arm[2] is the depth of the point in metres. area: of the cell, square metres. */
 static struct cell_contact join_faces(const struct cover_load *faces, size_t count, double area)
 {
     struct cell_contact sum = {.share = 0.0};
@@ -185,8 +185,9 @@ static void add_turning_stiffness(struct contact_load *load, const struct cover_
 
 /* Add the load of one cell that carries no shear to the load of the board: for each face of the object, a spring along
  * the normal of the cell in the face's centre of pressure. The factor slope / steep (cover.h) reduces the load of a
- * face that is inclined by more than 60 degrees. area: of the cell, square metres. thickness: layer above the
- * electrode, metres. */
+ * face that is inclined by more than 60 degrees. The stiffness contains the square of this factor, because a motion
+ * along the normal changes the depth of the face by slope / steep times the motion. area: of the cell, square metres.
+ * thickness: layer above the electrode, metres. */
 static void add_normal_springs(struct contact_load *load, const struct cover_cell *cell, double area,
                                const struct cover_load *faces, size_t count, double thickness,
                                const struct frame *object_from_bracket)
@@ -208,10 +209,10 @@ static void add_normal_springs(struct contact_load *load, const struct cover_cel
     }
 }
 
-/* Add the load of cell number `number`, which sticks to the object, to the load of the board. The force of each face
- * has the direction of the face's normal, and its part along the cell's surface follows from the compression. The shear
- * acts at the point where the sum of these forces acts; with one face, this is the point of the face's force, and the
- * shear is added to this force. area: of the cell, square metres. */
+/* Add the load of cell number `number`, which sticks to the object, to the load of the board. Each face presses along
+ * the normal of the face. Up to an inclination of 60 degrees, the component of this force along the normal of the cell
+ * is the pressure times the area. The shear acts at the point where the sum of the pressing forces acts; with one face,
+ * this is the point of the face's force, and the shear is added to this force. area: of the cell, square metres. */
 static void add_sticking_cell(struct contact_load *load, const struct cover_cell *cell, double area, size_t number,
                               const struct cover_load *faces, size_t count, const struct frame *object_from_bracket,
                               const struct contact_grip *grip)

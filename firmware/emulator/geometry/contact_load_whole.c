@@ -28,9 +28,9 @@ static void compute_arms(struct square_springs *springs, const struct load_squar
     }
 }
 
-/* Compute the shear of each cell: the displacement (metres, along the surface of the object) of the cell's top since it
- * sticks to the object; 0 for a cell that did not stick before. A cell of which only a share stuck is sheared by this
- * share of the displacement: see add_shear_spring(). */
+/* Compute the shear of each cell: the displacement (metres, along the surface of the object) of the cell's top from the
+ * point where the cell sticks to the object; 0 for a cell that did not stick before. If only a share of the cell stuck
+ * before, the displacement is multiplied by this share, as in add_shear_spring(). */
 static void compute_shears(double shear[3][SHAPE_LINES], const struct load_square *square,
                            const struct cover_whole *whole, const struct contact_grip *grip)
 {
@@ -51,9 +51,10 @@ static void compute_shears(double shear[3][SHAPE_LINES], const struct load_squar
     }
 }
 
-/* Compute forces (N) and stiffnesses (N/m) of the 16 cells of a square: pressure along the normal of the face above the
- * cell, and shear, which friction limits. A sliding cell has no stiffness along its shear. Cells that are not wholly
- * below one face get 0. If the grip advances, stores where each whole cell sticks after this step. */
+/* Compute forces (N) and stiffnesses (N/m) of the 16 cells of a square: pressure along the normal n of the face above
+ * the cell, and shear s, which friction limits. The stiffness matrix of a cell is rate n n^T + shear_rate (I - n n^T) -
+ * along s s^T; its last term removes the stiffness along the shear of a sliding cell. Cells that are not wholly below
+ * one face get 0. If the grip advances, stores where each whole cell sticks after this step. */
 static void compute_springs(struct square_springs *springs, const struct load_square *square,
                             const struct cover_whole *whole, const struct contact_grip *grip)
 {

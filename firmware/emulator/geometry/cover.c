@@ -21,9 +21,10 @@ static double greater(double a, double b)
     return a > b ? a : b;
 }
 
-/* Complete a face of the object over a cell, whose normal is set: slope (cosine of the angle between cell and face),
- * depth of the face below the middle of the cell's top, and change of the depth along both half sides (metres). level:
- * distance (metres) of the middle of the cell's top from the plane of the face, positive inside the object. */
+/* Compute from the normal of a face of the object its other values over a cell: slope (cosine of the angle between cell
+ * and face), depth of the face below the middle of the cell's top, and change of the depth along both half sides
+ * (metres). level: distance (metres) of the middle of the cell's top from the plane of the face, positive inside the
+ * object. */
 static void set_face(struct cover_face *face, const struct cover_cell *cell, double level)
 {
     face->slope = -dot(face->normal, cell->normal);
@@ -111,13 +112,14 @@ static size_t find_faces(const struct shape *shape, const struct cover_planes *p
     return kept;
 }
 
-/* Choose the direction of the strips that integrate the pressure over a cell: 0 or 1, the side of the cell along which
- * the depths of the faces change most differently, so that the strips cross the edges between the faces. */
+/* Choose the direction of the strips along which the pressure over a cell is integrated: 0 or 1, the side of the cell
+ * along which the depths of the faces change most differently. The strips then cross the edges between the faces. */
 static int choose_direction(const struct cover_face *faces, size_t count)
 {
     double range[2];
     for (int side = 0; side < 2; side++) {
-        double low = 0.0, high = 0.0; /* the border of the contact is an edge with the plane of the layer */
+        double low = 0.0, high = 0.0; /* 0: the surface of the layer counts as a face of constant depth, because the
+                                       * contact ends where a face meets it */
         for (size_t i = 0; i < count; i++) {
             low = lesser(low, faces[i].change[side]);
             high = greater(high, faces[i].change[side]);
@@ -147,9 +149,10 @@ static void add_piece(struct cover_load *load, int direction, double from, doubl
     }
 }
 
-/* Integrate the pressure along a strip across a cell, and add it to the loads. At each point, the face with the
- * smallest depth presses: the loop goes along the strip, which extends from -1 to 1 (half sides of the cell), from edge
- * to edge. loads: one per face, `count` in total. direction, place, weight: as for add_piece(). */
+/* Integrate the pressure along a strip across a cell, and add it to the loads. The strip extends from -1 to 1 (half
+ * sides of the cell). At each point, the face with the smallest depth presses. The loop therefore splits the strip at
+ * the edges where another face becomes the least deep. loads: one per face, `count` in total. direction, place, weight:
+ * as for add_piece(). */
 static void press_strip(struct cover_load *loads, size_t count, int direction, double place, double weight)
 {
     double depth[COVER_FACES_MAX], at = -1.0;
@@ -192,8 +195,9 @@ static void press_strip(struct cover_load *loads, size_t count, int direction, d
 }
 
 /* Compute the load of a face on a cell that lies wholly below this face and below no other face: mean pressure, mean
- * derivative of the pressure by the depth, and centre of pressure (in half sides). Gauss's rule of order 2 in the
- * direction in which the depth changes most needs only two pressures. */
+ * derivative of the pressure by the depth, and centre of pressure (in half sides). Gauss's rule of order 2 needs only
+ * two pressures. They are taken in the direction in which the depth changes most, at the depths whose variance equals
+ * the variance of the depth over the cell. */
 static void press_wholly_covered(struct cover_load *load)
 {
     const double *change = load->face.change;
@@ -232,8 +236,9 @@ static size_t press_partly_covered(const struct cover_face *faces, size_t count,
     return stored;
 }
 
-/* Collect the planes of the object that cells within `radius` (metres) of the point `middle` can touch, up to `deepest`
- * metres below the surface of the object; all planes if none is so near. */
+/* Collect the planes of the object that cells within `radius` (metres) of the point `middle` can touch. A plane is left
+ * out if the point lies more than `radius` + `deepest` (metres) below it, inside the object. If all planes are that
+ * far, all planes are collected. */
 void cover_find_planes(const struct shape *shape, const double middle[3], double radius, double deepest,
                        struct cover_planes *planes)
 {
@@ -250,9 +255,9 @@ void cover_find_planes(const struct shape *shape, const double middle[3], double
     planes->count = planes->count ? planes->count : shape->plane_count;
 }
 
-/* Reduce the margins of the cells of a square by one plane of the object. The margin (metres) of a cell is the distance
- * by which the point of the cell that lies deepest below the plane is inside it; the smallest over all planes counts.
- * Without branches, so that the compiler vectorises the loop. */
+/* Update the margins of the cells of a square with one plane of the object. The margin (metres) of a cell is the
+ * smallest depth, over all planes, of that point of the cell which lies deepest below the plane. A negative margin
+ * means that the object cannot touch the cell. The loop has no branches, so that the compiler vectorises it. */
 static void reduce_margins(const double *n, const struct cover_square *square, double margin[SHAPE_LINES])
 {
     const double (*t)[SHAPE_LINES] = square->top;
@@ -266,10 +271,10 @@ static void reduce_margins(const double *n, const struct cover_square *square, d
     }
 }
 
-/* Reduce the margins of the cells (see reduce_margins()) by the tangent planes of a cylinder's wall. A cell whose top
- * lies inside the wall may touch the wall. The tangent plane turns when the cell moves along the wall, so the distance
- * of the cell from the plane can decrease by more than the motion: a negative margin is divided by the largest possible
- * ratio of both. */
+/* Update the margins of the cells (see reduce_margins()) with the tangent planes of a cylinder's wall. A cell whose
+ * middle lies inside the wall may touch the wall, so its margin is unchanged. The tangent plane turns when the cell
+ * moves along the wall, so the distance of the cell from the plane can decrease by more than the motion. A negative
+ * margin is therefore divided by the largest possible ratio of this decrease to the motion. */
 static void reduce_wall_margins(const struct shape *shape, const struct cover_square *square,
                                 double margin[SHAPE_LINES])
 {

@@ -19,10 +19,10 @@ struct square_face {
     double depth_offset[SHAPE_LINES];
 };
 
-/* Compare a face of the object with the least deep face found so far over each of the 16 cells of a square, and store
- * the less deep of the two in `search` and `whole`. Depth: distance (metres) from the top of the cell down to the face;
- * over the cell it varies by `extent`, from `high` (smallest depth) to `low` (largest depth). Without branches, so that
- * the compiler vectorises the loop. */
+/* Compare a face of the object with the least deep face found so far over each of the 16 cells of a square. Store the
+ * less deep of the two in `search` and `whole`, and the smallest depth of all other faces in search->other_high. Depth:
+ * distance (metres) from the top of the cell down to the face; over the cell it varies by `extent`, from `high`
+ * (smallest depth) to `low` (largest depth). The loop has no branches, so that the compiler vectorises it. */
 static void compare_face(const struct square_face *face, const struct cover_square *square, struct search *search,
                          struct cover_whole *whole)
 {

@@ -206,6 +206,18 @@ static void add_taxel_cells(struct patch *patch, const struct layout *layout, co
     }
 }
 
+/* Enlarge the bounding sphere of a patch, whose centre is kept, until the sphere contains a cell. */
+static void include_cell(struct patch *patch, const struct cell *cell)
+{
+    double square = 0.0;
+    for (int k = 0; k < 3; k++) {
+        const double d = cell->position[k] - patch->centre[k];
+        square += d * d;
+    }
+    const double half = sqrt(dot(cell->half[0], cell->half[0]) + dot(cell->half[1], cell->half[1]));
+    patch->bound = fmax(patch->bound, sqrt(square) + half);
+}
+
 /* Compute the bounding sphere of the cells about their mean position. */
 static void compute_bounding_sphere(struct patch *patch)
 {
@@ -217,14 +229,7 @@ static void compute_bounding_sphere(struct patch *patch)
     }
     patch->bound = 0.0;
     for (size_t i = 0; i < patch->cell_count; i++) {
-        double square = 0.0;
-        for (int k = 0; k < 3; k++) {
-            const double d = patch->cells[i].position[k] - patch->centre[k];
-            square += d * d;
-        }
-        const struct cell *cell = &patch->cells[i];
-        const double half = sqrt(dot(cell->half[0], cell->half[0]) + dot(cell->half[1], cell->half[1]));
-        patch->bound = fmax(patch->bound, sqrt(square) + half);
+        include_cell(patch, &patch->cells[i]);
     }
 }
 
@@ -282,7 +287,7 @@ int patch_add_margins(struct patch *patch, size_t count, const struct taxel_pose
         return -1;
     }
     patch->margin_count = count;
-    patch->bound += count ? 1.5 * TAXEL_PITCH_M : 0.0; /* margins lie outside the bounding sphere of the taxels */
+    patch->bound += count ? 1.5 * TAXEL_PITCH_M : 0.0; /* usual margins: strips of one pitch beside the taxels */
     for (size_t square = 0; square < count; square++) {
         const double sides[2] = {compute_side_length(&poses[square], 0) / CELLS_PER_SIDE,
                                  compute_side_length(&poses[square], 1) / CELLS_PER_SIDE};
@@ -292,7 +297,9 @@ int patch_add_margins(struct patch *patch, size_t count, const struct taxel_pose
             const int row = i / CELLS_PER_SIDE, column = i % CELLS_PER_SIDE;
             const double a = (0.5 * (CELLS_PER_SIDE - 1) - row) * sides[0];
             const double b = (0.5 * (CELLS_PER_SIDE - 1) - column) * sides[1];
-            place_cell(&patch->margins[square * CELLS_PER_TAXEL + (size_t)i], &poses[square], sides, a, b, flat);
+            struct cell *cell = &patch->margins[square * CELLS_PER_TAXEL + (size_t)i];
+            place_cell(cell, &poses[square], sides, a, b, flat);
+            include_cell(patch, cell);
         }
     }
     return 0;

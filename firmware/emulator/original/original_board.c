@@ -10,8 +10,9 @@ static void set_status(struct original_board *board, uint16_t status)
     taxel_put_u16(board->read_buffer, status);
 }
 
-/* Set up a board before its first reset. original_settings_complete() has checked its number of words. With the fault
- * `truncated_taxel` the board sends as many bytes as its words have: the status takes the space of the last word. */
+/* Set up a board before its first reset. original_settings_complete() has checked that the words fit into the buffer.
+ * With the fault `truncated_taxel` the board sends only as many bytes as its words have. The status word precedes the
+ * words, so the last word is missing. */
 void original_board_init(struct original_board *board, uint8_t address, uint8_t taxel_count,
                          const struct original_settings *settings)
 {

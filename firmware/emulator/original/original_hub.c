@@ -46,9 +46,9 @@ static void start_transfer(struct original_hub *hub, const struct taxel_i2c_tran
     hub->hal.start_transfer(hub->hal.context, transfer);
 }
 
-/* Count the cycle that ends at `now` if a message was sent in it; cycles in which all boards still start are not
- * counted. The account at the end of the first counted cycle is stored, because that cycle is not representative: not
- * all boards may have been ready. */
+/* Count the cycle that ends at `now` if a message was sent in it. Cycles without a message, in which all boards still
+ * start, are not counted. The account at the end of the first counted cycle is stored, because this cycle is not
+ * representative: not all boards may have been ready. */
 static void close_cycle(struct original_hub *hub, vtime now)
 {
     if (hub->account.messages == hub->messages_before) {
@@ -88,8 +88,8 @@ static bool is_to_read(const struct original_hub *hub, size_t board)
     return !hub->is_done[board] && !hub->is_offline[board];
 }
 
-/* Read the next board of the pass, from list index `first` on; after the last one a new pass begins, without pause.
- * If no board is left, the cycle ends. */
+/* Start the read of the next board that must still be read in this cycle, from list index `first` on. After the last
+ * board the search continues with the first board, without a pause. If no board must be read, the cycle ends. */
 static void read_next_board(struct original_hub *hub, size_t first, vtime now)
 {
     const size_t count = hub->settings->list_size;
@@ -271,7 +271,7 @@ void original_hub_run(struct original_hub *hub, vtime now)
     }
 }
 
-/* Return the sums of the counted cycles after the first one; all 0 before the end of the second one. */
+/* Return the sums of the counted cycles after the first cycle; all 0 before the end of the second cycle. */
 struct original_account original_hub_measure_cycles(const struct original_hub *hub)
 {
     const struct original_account *first = &hub->first_cycle, *last = &hub->last_cycle;

@@ -127,7 +127,7 @@ static int read_order(struct original_settings *settings, const struct world_lin
     return settings->list_size ? 0 : report_value(line, "order", "addresses", "");
 }
 
-/* Set the settings to those of a line without keys. */
+/* Set the settings to their defaults: those of a line `protocol original` without keys. */
 void original_settings_set_defaults(struct original_settings *settings)
 {
     *settings = (struct original_settings){.is_on = true,

@@ -267,8 +267,8 @@ static double pillar_work(double stretch)
     return pillars + BULK_STIFFNESS_PA * (1.0 - PILLAR_FRACTION) * bulk;
 }
 
-/* Return the work per area (J/m2) that compresses the pillars by `compression_m`: the integral of layer_pressure(), by
- * the trapezoid rule on the straight part of the curve. */
+/* Return the work per area (J/m2) that compresses the pillars by `compression_m`: the integral of layer_pressure().
+ * Below STRETCH_MIN, where layer_pressure() is linear, the trapezoid rule gives the exact integral. */
 double layer_work(double compression_m)
 {
     const double stretch = 1.0 - compression_m / LAYER_PILLAR_HEIGHT_M;

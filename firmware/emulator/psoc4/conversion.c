@@ -1,6 +1,9 @@
 /* End of a conversion of either converter: the board's front end computes the count, as for a native board. */
 #include "emulator/psoc4/internal.h"
 
+/* End the present conversion: write its times, TX line and RX line to `conversion`, and write the count of the board's
+ * front end to *count (0 unless `balances`: the converter can balance the charge). Returns whether the program sees the
+ * end of the conversion. If the test bench has lost the end (loses_end), returns false and leaves *count unchanged. */
 bool psoc_finish_conversion(struct psoc *psoc, struct psoc_conversion *conversion, bool balances, uint32_t *count)
 {
     struct psoc_csd *csd = &psoc->csd;

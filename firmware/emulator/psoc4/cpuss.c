@@ -11,7 +11,7 @@
 #define START (1u << 31)
 #define OPCODE 0xFFFFu
 
-/* Read a register of the CPU subsystem. Returns false if it is not modelled. */
+/* Read a register of the CPU subsystem. Returns false if the emulator does not model the register. */
 bool psoc_cpuss_read(struct psoc *psoc, uint32_t offset, struct cortex_m0_access *access)
 {
     const struct psoc_cpuss *cpuss = &psoc->cpuss;

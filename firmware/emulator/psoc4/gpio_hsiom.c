@@ -79,7 +79,7 @@ static uint32_t state_of(const struct psoc *psoc, unsigned port, uint64_t cycle)
     return state;
 }
 
-/* Read a register of a GPIO port. Returns false if it is not modelled. */
+/* Read a register of a GPIO port. Returns false if the emulator does not model the register. */
 bool psoc_gpio_read(struct psoc *psoc, uint32_t offset, struct cortex_m0_access *access)
 {
     const unsigned port = offset / PORT_SIZE;
@@ -104,7 +104,7 @@ bool psoc_gpio_read(struct psoc *psoc, uint32_t offset, struct cortex_m0_access 
     }
 }
 
-/* Write a register of a GPIO port. Returns false if it is not modelled. */
+/* Write a register of a GPIO port. Returns false if the emulator does not model the register. */
 bool psoc_gpio_write(struct psoc *psoc, uint32_t offset, struct cortex_m0_access *access)
 {
     const unsigned port = offset / PORT_SIZE;
@@ -182,8 +182,8 @@ void psoc_connected_lines(const struct psoc *psoc, int *tx, int *rx)
     }
 }
 
-/* Return whether the pins of both integration capacitors are analog and have this function. A part with one capacitor has
- * it on a pin that the model does not check. */
+/* Return whether the pins of both integration capacitors are analog and have this function. Always true for a part with
+ * one integration capacitor, because the model does not check the pin of this capacitor. */
 bool psoc_has_capacitors(const struct psoc *psoc, unsigned function)
 {
     const struct psoc_part *part = psoc->config.part;

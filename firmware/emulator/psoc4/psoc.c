@@ -93,14 +93,16 @@ void psoc_report_unmodelled(struct psoc *psoc, const char *action, uint32_t addr
     cortex_m0_stop(&psoc->cpu);
 }
 
-/* Create a PSoC 4200 without power. Returns 0, or -1 if out of memory. */
+/* Create an emulated chip without power: the part config->part (kind of chip and its wiring), or PSOC_PART_STANDARD if
+ * it is NULL. Returns 0, or -1 if out of memory. */
 int psoc_init(struct psoc *psoc, const struct psoc_config *config)
 {
     memset(psoc, 0, sizeof *psoc);
     psoc->config = *config;
     psoc->config.part = config->part ? config->part : PSOC_PART_STANDARD;
     snprintf(psoc->name, sizeof psoc->name, "%s", config->name);
-    random_init(&psoc->random, config->seed ^ 0x5241Du, config->unique_id[0]); /* a constant: own random sequence */
+    /* the constant gives the chip another random sequence than other users of the seed */
+    random_init(&psoc->random, config->seed ^ 0x5241Du, config->unique_id[0]);
     const struct cortex_m0_config core = {
         .flash = config->flash->bytes,
         .flash_size = psoc->config.part->flash_size,
@@ -259,7 +261,8 @@ static void run_processor(struct psoc *psoc, uint64_t until)
     }
 }
 
-/* Run the chip until a virtual time or until `*is_done` becomes true. Returns `*is_done`. */
+/* Run the chip until a virtual time or until `*is_done` becomes true. Returns `*is_done`. The chip executes nothing
+ * before psoc->origin, which lies at the end of the reset time after a reset. */
 static bool run(struct psoc *psoc, vtime until, const bool *is_done)
 {
     psoc->input_changed = false;

@@ -1,5 +1,6 @@
-/* CapSense block with a sequencer. A start runs the initial sense clocks, then the normal ones, and counts the modulator
- * clocks in which the current source was on. The board's front end computes the count, as for a native board. */
+/* CapSense block with a sequencer. A start runs the initial sense clocks, then the normal ones, and counts the
+ * modulator clocks in which the current source was on. The board's front end computes the count, as for a native
+ * board. */
 #include "emulator/psoc4/psoc4100s.h"
 
 #define CONFIG 0x000u
@@ -70,7 +71,8 @@ static void update_interrupt(struct psoc *psoc)
     psoc_set_line(psoc, psoc_family(psoc)->irq_csd, *word(psoc, INTR) & *word(psoc, INTR_MASK));
 }
 
-/* Return the current of the source as a code of 1.2 uA steps; 0 for a code that is no such step, or another mode. */
+/* Return the current of the source as a number of steps of 1.2 uA, the step of a PSoC 4200; 0 for a current that is no
+ * multiple of this step, or for another mode. */
 static uint8_t idac_code(uint32_t idac)
 {
     const uint32_t code = idac & IDAC_CODE;
@@ -79,16 +81,16 @@ static uint8_t idac_code(uint32_t idac)
     }
     switch (idac >> 22 & 3u) {
     case IDAC_MEDIUM:
-        return code & 3u ? 0 : (uint8_t)(code / 4u);
+        return code & 3u ? 0 : (uint8_t)(code / 4u); /* codes of 0.3 uA */
     case IDAC_HIGH:
-        return (uint8_t)(code * 2u);
+        return (uint8_t)(code * 2u); /* codes of 2.4 uA */
     default:
         return 0;
     }
 }
 
-/* Start a conversion at a processor cycle. Returns false (access not modelled) if the block is off, its clock does not run,
- * or its counts are 0. */
+/* Start a conversion at a processor cycle. Returns false (access not modelled) if the block is off, its clock does not
+ * run, its counts are 0, or a conversion is in progress. */
 static bool start_conversion(struct psoc *psoc, uint64_t cycle)
 {
     struct psoc_csd *csd = &psoc->csd;
@@ -134,7 +136,7 @@ void psoc4100s_csd_end(struct psoc *psoc)
     }
 }
 
-/* Read a register of the capacitive sensing block. Returns false if it is not modelled. */
+/* Read a register of the capacitive sensing block. Returns false if the emulator does not model the register. */
 bool psoc4100s_csd_read(struct psoc *psoc, uint32_t offset, struct cortex_m0_access *access)
 {
     if (access->size != 4u || (!is_stored(offset) && offset != RESULT_1 && offset != INTR)) {
@@ -144,8 +146,8 @@ bool psoc4100s_csd_read(struct psoc *psoc, uint32_t offset, struct cortex_m0_acc
     return true;
 }
 
-/* Write a register of the capacitive sensing block; a write to SEQ_START starts a conversion. Returns false if the access is
- * not modelled. */
+/* Write a register of the capacitive sensing block; a write to SEQ_START starts a conversion. Returns false if the
+ * access is not modelled. */
 bool psoc4100s_csd_write(struct psoc *psoc, uint32_t offset, struct cortex_m0_access *access)
 {
     if (access->size != 4u) {

@@ -36,8 +36,10 @@ static uint32_t *register_at(struct psoc_srss *srss, uint32_t offset)
     }
 }
 
-/* Schedule the reset by the watchdog for the third match of its counter from a processor cycle on. The counter runs from the
- * reset on and is not cleared. */
+/* Schedule the reset by the watchdog for the third match of its counter from a processor cycle on. The counter runs
+ * from the reset on and is not cleared. Register WDT_MATCH contains the match value and the number of upper counter
+ * bits that the comparison ignores; the counter therefore matches once per 2^(compared bits) cycles of the low-speed
+ * oscillator. */
 static void schedule_watchdog(struct psoc *psoc, uint64_t cycle)
 {
     struct psoc_srss *srss = &psoc->srss;
@@ -67,8 +69,8 @@ void psoc4100s_srss_reset(struct psoc *psoc, uint32_t causes)
     schedule_watchdog(psoc, psoc->cpu.cycle);
 }
 
-/* Set the processor clock from the oscillator's frequency and its divider. Returns false for a setting that is not modelled,
- * and for a clock that is too fast for the wait states of the flash. */
+/* Set the processor clock from the oscillator's frequency and its divider. Returns false for a setting that is not
+ * modelled, and for a clock that is too fast for the wait states of the flash. */
 static bool set_frequency(struct psoc *psoc, uint64_t cycle)
 {
     const struct psoc_srss *srss = &psoc->srss;
@@ -86,7 +88,7 @@ static bool set_frequency(struct psoc *psoc, uint64_t cycle)
     return true;
 }
 
-/* Read a register of the system resources. Returns false if it is not modelled. */
+/* Read a register of the system resources. Returns false if the emulator does not model the register. */
 bool psoc4100s_srss_read(struct psoc *psoc, uint32_t offset, struct cortex_m0_access *access)
 {
     const uint32_t *target = register_at(&psoc->srss, offset);

@@ -91,7 +91,7 @@ static uint32_t counter_at(const struct psoc_csd *csd, uint64_t cycle)
     return (csd->period - (uint32_t)((cycle - csd->begin) / csd->sample)) << 16;
 }
 
-/* Read a register of the capacitive sensing block (CSD). Returns false if it is not modelled. */
+/* Read a register of the capacitive sensing block (CSD). Returns false if the emulator does not model the register. */
 bool psoc4200_csd_read(struct psoc *psoc, uint32_t offset, struct cortex_m0_access *access)
 {
     const struct psoc_csd *csd = &psoc->csd;

@@ -101,7 +101,7 @@ static bool set_frequency(struct psoc *psoc, uint32_t code, uint64_t cycle)
     return true;
 }
 
-/* Read a register of the system resources. Returns false if it is not modelled. */
+/* Read a register of the system resources. Returns false if the emulator does not model the register. */
 bool psoc4200_srss_read(struct psoc *psoc, uint32_t offset, struct cortex_m0_access *access)
 {
     const uint32_t *target = register_at(&psoc->srss, offset);

@@ -21,8 +21,8 @@ static void raise_slave(struct psoc *psoc, struct psoc_scb *scb, uint32_t bits)
     psoc_scb_update(psoc, scb);
 }
 
-/* Run the program until it has written its command, acknowledge or not, or until the longest permitted clock
- * stretching. Writes to *acknowledge whether the program acknowledged. Returns the virtual time at which SCL is
+/* Run the program until it has written its command (acknowledge or not), or until the end of the longest permitted
+ * clock stretching. Writes to *acknowledge whether the program acknowledged. Returns the virtual time at which SCL is
  * released. */
 static vtime wait_for_command(struct psoc *psoc, struct psoc_scb *scb, vtime now, bool *acknowledge)
 {
@@ -46,8 +46,8 @@ static void load_shift_register(struct psoc *psoc, struct psoc_scb *scb, vtime t
     }
 }
 
-/* Report to the slave that it was addressed: raise the interrupt and run the firmware until it acknowledges or not.
- * Returns the virtual time at which SCL is released. */
+/* Report to the slave that it was addressed: raise the interrupt and run the firmware until it has acknowledged or
+ * rejected the address. Returns the virtual time at which SCL is released. */
 vtime psoc_i2c_on_address(struct psoc *psoc, vtime now, bool reading, bool *acknowledge)
 {
     struct psoc_scb *scb = psoc_bus_scb(psoc);
@@ -62,8 +62,8 @@ vtime psoc_i2c_on_address(struct psoc *psoc, vtime now, bool reading, bool *ackn
     return released;
 }
 
-/* Report to the slave a byte that the master has written: run the firmware until it acknowledges or not. Returns the
- * virtual time at which SCL is released. */
+/* Report to the slave a byte that the master has written: run the firmware until it has acknowledged or rejected the
+ * byte. Returns the virtual time at which SCL is released. */
 vtime psoc_i2c_on_write(struct psoc *psoc, vtime now, uint8_t byte, bool *acknowledge)
 {
     struct psoc_scb *scb = psoc_bus_scb(psoc);
@@ -78,7 +78,8 @@ vtime psoc_i2c_on_write(struct psoc *psoc, vtime now, uint8_t byte, bool *acknow
 }
 
 /* Write the next byte that the slave sends to the master to *byte; 0xFF if the slave does not send. Returns the virtual
- * time at which its clocks end: `now`, or later if the byte was not available at the end of the previous byte. */
+ * time at which the clocks of the byte end: `now`, or later if the byte was not available at the end of the previous
+ * byte. */
 vtime psoc_i2c_on_read(struct psoc *psoc, vtime now, uint8_t *byte)
 {
     struct psoc_scb *scb = psoc_bus_scb(psoc);

@@ -83,7 +83,7 @@ static double find_baud(const struct single_part *part)
 }
 
 /* Return the byte as the receiver reads it: unchanged if the baud rates of both sides agree within the tolerance,
- * otherwise a random wrong byte. */
+ * otherwise a random byte from 0x80 to 0xFF, which is wrong for every ASCII character. */
 static uint8_t misread(struct single_part *part, uint8_t byte)
 {
     const double error = find_baud(part) / HOST_BAUD - 1.0;
@@ -254,7 +254,8 @@ void single_part_free(struct single_part *part)
     }
 }
 
-/* Transfer the bytes of both directions that end now, and report the result of the bus. */
+/* Deliver the UART bytes of both directions whose transmission has ended, and report a due event of the I2C bus to the
+ * chip. */
 static void serve_wires(struct single_part *part, vtime now)
 {
     if (part->sent_at <= now) {
@@ -329,8 +330,8 @@ size_t single_part_take(struct single_part *part, uint8_t *bytes, size_t size)
     return taken;
 }
 
-/* Return the frequency (Hz) of the clock pin from the edges since the last call, whose count restarts; 0 with fewer
- * than three edges. */
+/* Return the frequency (Hz) of the clock pin from the edges since the last call, two of them per period; 0 with fewer
+ * than three edges. The count of edges restarts. */
 double single_part_measure_clock_pin(struct single_part *part)
 {
     const double duration = (double)(part->last_edge - part->first_edge) / (double)VTIME_SECOND;

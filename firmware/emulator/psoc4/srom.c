@@ -36,8 +36,9 @@ static uint32_t read_word(const uint8_t *bytes)
     return value;
 }
 
-/* Execute the ROM call "load latch": copy bytes from RAM (`address`) into the page latch, from the byte offset in the
- * first parameter word on. Returns the status word. */
+/* Execute the ROM call "load latch": copy bytes from RAM into the page latch. The parameters at `address` are: word 0
+ * (`first`: keys in the low half, above them the byte offset in the latch and the flash macro, which must be 0), word 1
+ * (number of bytes minus 1), then the bytes. Returns the status word. */
 static uint32_t load_latch(struct psoc *psoc, uint32_t first, uint32_t address)
 {
     const uint8_t *parameters = ram_at(psoc, address, PARAMETER_SIZE);
@@ -76,9 +77,9 @@ static uint32_t write_row(struct psoc *psoc, uint32_t row, bool erases, uint64_t
     return SUCCEEDED;
 }
 
-/* Execute a ROM call of a PSoC 4100S that saves, sets or restores the clocks. address: of the parameters, the second of which
- * is the address of the saved clocks. The model keeps its clocks, because the processor does not run meanwhile. Returns the
- * status word. */
+/* Execute a ROM call of a PSoC 4100S that saves, sets or restores the clocks. address: of the parameters, the second of
+ * which is the address of the saved clocks. The model keeps its clocks, because the processor does not run meanwhile.
+ * Returns the status word. */
 static uint32_t change_clock(struct psoc *psoc, uint32_t opcode, uint32_t address)
 {
     if (opcode != CLOCK_CONFIGURE) {
@@ -98,8 +99,9 @@ static bool has_call(const struct psoc *psoc, uint32_t opcode)
            (psoc_family(psoc)->configures_flash_clock && opcode >= CLOCK_CONFIGURE && opcode <= CLOCK_RESTORE);
 }
 
-/* Execute a call of the ROM with the parameters at the address in SYSARG, which receives the status word. Returns the
- * number of cycles for which the processor stops; 0 after the report of an unknown call. */
+/* Execute a call of the ROM with the parameters at the address in SYSARG, which receives the status word. The call
+ * CLOCK_CONFIGURE has its only parameter word in SYSARG itself. Returns the number of cycles for which the processor
+ * stops; 0 after the report of an unknown call. */
 uint32_t psoc_srom_call(struct psoc *psoc, uint32_t opcode, uint64_t cycle)
 {
     const uint32_t address = psoc->cpuss.sysarg;

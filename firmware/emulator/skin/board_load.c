@@ -36,7 +36,8 @@ void board_load_from_scene(struct skin_board *board, const struct world_descript
     load->object = has_object ? (long)values[0] : -1;
     load->object_from_bracket =
         has_object ? compute_bracket_in_object(description, values, load->object, index) : frame_identity;
-    /* A comparison of bytes: if it takes equal poses for different (0.0 and -0.0), the load is only computed again. */
+    /* Bytes are compared. Equal poses with different bytes (0.0 and -0.0) only cause one more computation of the
+     * load. */
     load->equals_previous =
         load->object == last->object && /* NOLINTNEXTLINE(bugprone-suspicious-memory-comparison,cert-*) */
         memcmp(&load->object_from_bracket, &last->object_from_bracket, sizeof load->object_from_bracket) == 0;

@@ -65,7 +65,7 @@ static int allocate_values(struct stimulus *stimulus, size_t count)
  * on stderr. */
 int stimulus_open(struct stimulus *stimulus, int fd, const char *name, size_t taxels, bool live)
 {
-    uint8_t header[HEADER_SIZE];
+    uint8_t header[HEADER_SIZE]; /* TAXELSTM, then 32-bit numbers: version, kind, taxels, boards */
     memset(stimulus, 0, sizeof *stimulus);
     stimulus->fd = fd;
     stimulus->name = name;

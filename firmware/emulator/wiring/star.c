@@ -34,7 +34,8 @@ static double pullup_conductance(double ohm)
     return ohm > 0.0 ? compute_conductance(ohm) : 0.0;
 }
 
-/* Return the node of the boards of a branch with the faults of its line. An open line has no connection to the hub. */
+/* Return the circuit node that represents all boards of a branch: its conductances (siemens) to hub, supply and ground,
+ * and its capacitance, with the faults of the line. An open line has no connection to the hub. */
 static struct node make_branch(const struct branch_description *branch, const struct line_fault *fault)
 {
     struct node node = {.to_hub = compute_conductance(branch->series_ohm + fault->added_series),
@@ -53,9 +54,9 @@ static struct node make_branch(const struct branch_description *branch, const st
     return node;
 }
 
-/* Compute the levels of all nodes after one implicit time step of `seconds` from their present levels; INFINITY: the
- * final levels. Each branch is eliminated into the hub's node, which is possible because the branches are connected
- * only at the hub. */
+/* Compute the levels of all nodes (as shares of the supply voltage) after one implicit Euler step of `seconds` from
+ * their present levels; with INFINITY, the final levels. Each branch is eliminated into the hub's node, which is
+ * possible because the branches are connected only at the hub. */
 static void step(struct network *network, double seconds)
 {
     const struct node *hub = &network->hub;
@@ -96,8 +97,8 @@ struct crossing {
     double low_s, high_s;
 };
 
-/* Record the times at which a node passed STAR_LOW_LEVEL or STAR_HIGH_LEVEL, between which the rise time is measured, in
- * the step from `before_s` to `after_s`. before, after: levels of the node at both times; a time is interpolated. */
+/* Record the times at which a node passed STAR_LOW_LEVEL or STAR_HIGH_LEVEL, between which the rise time is measured,
+ * in the step from `before_s` to `after_s`. before, after: levels of the node at both times; a time is interpolated. */
 static void record_crossing(struct crossing *crossing, double before, double after, double before_s, double after_s)
 {
     if (before < STAR_LOW_LEVEL && after >= STAR_LOW_LEVEL) {
@@ -108,7 +109,8 @@ static void record_crossing(struct crossing *crossing, double before, double aft
     }
 }
 
-/* Return the time constant (seconds) of the sum of all capacitances at all pull-ups in parallel. */
+/* Return the time constant (seconds) of the sum of all capacitances at the sum of all conductances to supply and
+ * ground. */
 static double compute_common_time_constant(const struct network *network)
 {
     double farad = network->hub.farad, siemens = network->hub.to_supply + network->hub.to_ground;

@@ -10,7 +10,8 @@
 
 #define LARGE_SLOT_A (64u * TAXEL_BOOT_ROW_SIZE) /* address of slot A on a part with 64 KiB */
 
-/* Return the part for which an image is linked: that with 64 KiB if there is a header for it at the start of its slot A. */
+/* Return the part for which an image is linked: the part with 64 KiB of flash if the image has a header for this part
+ * at the start of its slot A, otherwise the standard part. */
 static const struct psoc_part *part_of_image(const uint8_t *image)
 {
     const uint8_t *const header = image + LARGE_SLOT_A;
@@ -21,6 +22,10 @@ static const struct psoc_part *part_of_image(const uint8_t *image)
                : PSOC_PART_STANDARD;
 }
 
+/* Read the firmware image (Intel HEX) that word number `index` of the line names into a new buffer *image. *part: the
+ * emulated part that the next word names; without this word, the part follows from the header of the image. The header
+ * must be read before the flash size is known, so the file is then read twice. Returns 0, or -1 after an error line on
+ * stderr. */
 int world_image_read(const struct world_line *line, int index, uint8_t **image, const struct psoc_part **part)
 {
     char path[4096];

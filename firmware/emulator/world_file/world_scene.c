@@ -10,6 +10,8 @@
 #define OFFSET_MAX_RAD 3.2
 #define COMPONENT_MAX 1.1 /* of a unit vector; normalise() checks the length */
 #define UNIT_TOLERANCE 1e-3
+/* Cosine of the smallest angle, 8 degrees, between the normal and the distal direction, which defines the sides. */
+#define COSINE_MAX 0.99
 #define SIDES_WORD 11 /* index of the first optional word of a surface or margin line */
 #define PLACE_WORD 13
 #define SIDE_MAX_M 0.1
@@ -42,7 +44,15 @@ static int read_taxel_pose(const struct world_reader *reader, struct taxel_pose 
                           !world_line_read_numbers(line, 5, 3, -COMPONENT_MAX, COMPONENT_MAX, pose->normal) &&
                           !world_line_read_numbers(line, 8, 3, -COMPONENT_MAX, COMPONENT_MAX, pose->distal) &&
                           !normalise(reader, pose->normal) && !normalise(reader, pose->distal);
-    return is_valid ? 0 : -1;
+    if (!is_valid) {
+        return -1;
+    }
+    const double *normal = pose->normal, *distal = pose->distal;
+    const double cosine = normal[0] * distal[0] + normal[1] * distal[1] + normal[2] * distal[2];
+    if (fabs(cosine) > COSINE_MAX) {
+        return world_line_report_error(line, "expected a distal direction that is not parallel to the normal");
+    }
+    return 0;
 }
 
 /* Read a line of a world file: margin ADDRESS X Y Z NX NY NZ DX DY DZ [A B], a rectangle of sheet that no taxel

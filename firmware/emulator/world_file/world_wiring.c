@@ -98,7 +98,7 @@ static int read_branch(const struct world_reader *reader)
     if (read_description(line, &branch)) {
         return -1;
     }
-    if (line->count < 6 || line->count == WORLD_LINE_WORDS_MAX) {
+    if (line->count < 6 || line->count == WORLD_LINE_WORDS_MAX) { /* words beyond the maximum are lost */
         return world_line_report_error(line,
                                        "expected 1 to 18 addresses; a second line with the same name adds boards");
     }

@@ -243,7 +243,8 @@ def _print_estimates(skin: Skin, calibration: Path, horizon_s: float, seconds: f
         if seconds is not None and frame.time_s - first_s >= seconds:
             break
     if not is_ready:
-        raise TaxelError(f"{skin.link.name}: no board completed its baseline of {BASELINE_FRAMES} frames; check board and hand")
+        problem = f"no board completed its baseline of {BASELINE_FRAMES} frames"
+        raise TaxelError(f"{skin.link.name}: {problem}; check board and hand")
 
 
 def _print_estimate(estimate: ProximityEstimate, printed: dict[int, tuple[float, bool]], as_json: bool) -> None:

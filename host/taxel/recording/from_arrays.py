@@ -58,8 +58,9 @@ _GROUPS_OF_GROUPS: Mapping[str, tuple[str, ...]] = {
 def write_from_arrays(
     path: str | PathLike[str], arrays: Mapping[str, Any] | str | PathLike[str], *, overwrite: bool = False
 ) -> None:
-    """Write a grasp dataset from arrays by name (see the module's description), or from an .npz file.
+    """Write a grasp dataset from arrays, or from an .npz file of arrays.
 
+    arrays: arrays and values by their path in the dataset, such as "taxels/position", or the path of the .npz file.
     Grasps are written in the order of their ids. An .npz file is read grasp by grasp and without pickle.
 
     Raises DatasetError for the first error: an unknown name, a missing name, or a value that the reader would reject.

@@ -211,8 +211,8 @@ class Grasp:
     def _sum_counts(self, frames: BoolArray, sensors: BoolArray) -> tuple[IntArray, IntArray]:
         """Sum the raw counts of each taxel over frames of its sensor; return (sum i64[n], number of frames i64[n]).
 
-        frames: bool[T, s], the frames to sum. sensors: bool[s], the sensors to sum; for taxels of other sensors the
-        result is (0, 1).
+        frames: bool[T, s], the frames to sum. sensors: bool[s], the sensors to sum. The result for taxels of other
+        sensors is (0, 1), so that the caller can divide the sum by the number.
         """
         total = np.zeros(self._sizes["n"], np.int64)
         count = np.ones(self._sizes["n"], np.int64)

@@ -52,10 +52,10 @@ class Location:
 def check_header(
     shape: tuple[int, ...], dtype: Any, spec: ArraySpec, sizes: dict[str, int], location: Location
 ) -> None:
-    """Check the type and the shape of an array of a dataset without its values; raises DatasetError.
+    """Check the type and the shape of an array of a dataset before its values are read; raises DatasetError.
 
     spec: type and axes that the format requires. sizes: length of each axis in the arrays checked so far, by the letter
-    of the axis; a new axis is added.
+    of the axis, such as "n"; a new axis is added.
     """
     _check_kind(dtype, spec, location)
     axes = ", ".join(str(axis) for axis in spec.axes)
@@ -84,6 +84,7 @@ def _check_kind(dtype: Any, spec: ArraySpec, location: Location) -> None:
     """Raise DatasetError if the stored type of an array cannot represent the type that the format requires."""
     if spec.dtype == STRING:
         return  # HDF5 and NumPy store strings in several types; the readers of strings check them
+    # Kinds of NumPy: b boolean, u unsigned, i signed, f floating-point. `convert_type` then checks the values.
     expected = np.dtype(spec.dtype).kind
     allowed = {"b": "bui", "u": "ui", "i": "ui", "f": "f"}[expected]
     if dtype.kind not in allowed:

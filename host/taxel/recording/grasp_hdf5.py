@@ -80,7 +80,7 @@ class Node:
         self._open_datasets: dict[tuple[str, ArraySpec], Any] = {}
 
     def names(self) -> list[str]:
-        """Return the names of all members of the HDF5 group, sorted. Raises DatasetError for a name in another code."""
+        """Return the names of all members of the HDF5 group, sorted. Raises DatasetError for a name not in UTF-8."""
         with convert_hdf5_errors(self.location):
             names = list(self._group)
         check_names(names, self.location)
@@ -173,6 +173,7 @@ class Node:
             location.fail("an array", "an empty dataset", "store the array")
         if spec.dtype == STRING and text is None:
             location.fail("texts", f"type {dtype}", "store strings")
+        # A character has at most 4 bytes in UTF-8.
         if spec.dtype == STRING and text.length is not None and text.length > 4 * LONGEST_TEXT:
             location.fail(f"texts of at most {LONGEST_TEXT} characters", f"type {dtype}", "shorten them")
         check_header(shape, dtype, spec, sizes, location)

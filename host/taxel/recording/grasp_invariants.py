@@ -122,13 +122,13 @@ class InvariantChecker:
 
         separation: f64[T, n], metres.
         """
-        padded = np.pad(separation, ((0, 0), (0, 1)), constant_values=np.inf)  # the index n: a missing neighbour
+        padded = np.pad(separation, ((0, 0), (0, 1)), constant_values=np.inf)  # at the index n, a missing neighbour
         return np.asarray(np.minimum(separation, padded[:, self._neighbours].min(axis=2)))
 
     def _is_surrounded(self, separation: FloatArray) -> BoolArray:
         """Whether each taxel and all its neighbours touch the object, bool[T, n]; separation: f64[T, n], metres."""
         touches = separation < 0.0
-        padded = np.pad(touches, ((0, 0), (0, 1)), constant_values=True)
+        padded = np.pad(touches, ((0, 0), (0, 1)), constant_values=True)  # at the index n, a missing neighbour
         return np.asarray(touches & padded[:, self._neighbours].all(axis=2))
 
     def _has_object_nearby(self, separation: FloatArray) -> BoolArray:
@@ -192,10 +192,11 @@ class InvariantChecker:
         depths, smallest, largest = self._law
         nearest = self._find_nearest(separation)
         low = np.interp(-separation, depths, smallest)
-        # The object may touch a corner of the taxel, beside a neighbour, or between the centres of all neighbours.
+        # Separations are measured at the centres only: the object may enter the corner of a taxel between the centres.
         has_object = self._has_object_nearby(separation)
         depth = np.where(has_object, np.maximum(-nearest, CORNER_DEPTH_M), -nearest)
         high = np.interp(depth, depths, largest)
+        # The multiples of `MIN_FORCE_N` exclude small forces, whose ratios are not reliable.
         too_large = force > MAX_LAW_RATIO * np.maximum(high, 4.0 * MIN_FORCE_N)
         too_small = self._is_surrounded(separation) & (low > 10.0 * MIN_FORCE_N) & (force < low / MAX_LAW_RATIO)
         return [
@@ -213,9 +214,10 @@ class InvariantChecker:
     def _learn_law(self) -> tuple[FloatArray, FloatArray, FloatArray] | None:
         """Learn the range of forces by depth; return (depths f64[k], metres, smallest and largest forces f64[k], N).
 
-        The smallest force belongs to the depth below the centre of a taxel whose neighbours touch the object, too; the
-        largest force to the largest depth of the taxel and its neighbours. Both do not decrease with the depth. None
-        for a dataset without forces or separations, or with too few samples.
+        The smallest forces are those of taxels that touch the object together with all their neighbours, by the depth
+        at the centre of the taxel. The largest forces are those of all taxels near the object, by the largest depth
+        among the taxel and its neighbours. Both do not decrease with the depth. None for a dataset without forces or
+        separations, or with too few samples.
         """
         values: list[tuple[FloatArray, ...]] = []
         for grasp in self._dataset:
@@ -239,7 +241,8 @@ class InvariantChecker:
         if not bins:
             return None
         middle, smallest, largest = np.array(bins).T
-        # The separation within a bin varies: the range of a bin includes its neighbours'.
+        # The depth varies within a bin: its range includes the smallest force of the bin below and the largest force of
+        # the bin above.
         smallest = np.minimum.accumulate(np.minimum(smallest, np.r_[0.0, smallest[:-1]])[::-1])[::-1]
         largest = np.maximum.accumulate(np.maximum(largest, np.r_[largest[1:], largest[-1]]))
         return middle, smallest, largest
@@ -253,13 +256,13 @@ def _make_violation(grasp: Grasp, frame: int, kind: str, taxel: int | None, text
 def _find_jumps(grasp: Grasp, force: FloatArray) -> list[Violation]:
     """Find frames whose total force exceeds the hold, or both neighbouring frames, by more than `MAX_FORCE_RATIO`.
 
-    In the hold, also frames whose total force is smaller than in both neighbouring frames by this ratio. In the closing
-    phase, where the fingers hit the object, only the hold is compared, with the larger `MAX_IMPACT_RATIO`. Total forces
-    of less than ten times `MIN_FORCE_N` are not compared, because their ratios are not reliable.
+    In the hold, a frame is also found if its total force is smaller than in both neighbouring frames by this ratio. In
+    the closing phase, where the fingers hit the object, only the hold is compared, with the larger `MAX_IMPACT_RATIO`.
+    Total forces of less than ten times `MIN_FORCE_N` are not compared, because their ratios are not reliable.
     """
     total, phase = force.sum(axis=1), grasp.phase
     hold = total[phase == Phase.HOLD]
-    # The second largest value: a single wrong frame of the hold does not hide itself.
+    # The second largest value, because a single wrong frame of the hold would raise its own limit.
     limit = max(float(np.sort(hold)[-2:][0]) if len(hold) else 0.0, 10.0 * MIN_FORCE_N)
     neighbours = np.maximum(np.r_[0.0, total[:-1]], np.r_[total[1:], 0.0])
     is_closing = phase == Phase.CLOSING
@@ -321,9 +324,9 @@ def _find_neighbours(dataset: GraspDataset) -> tuple[IntArray, float]:
 
 
 def _find_surroundings(dataset: GraspDataset) -> Iterator[tuple[IntArray, FloatArray]]:
-    """Yield for each board (indices of its m taxels, i64[m], 1 for each near pair of them and 0 else, f32[m, m]).
+    """Yield for each board (indices of its m taxels, i64[m]; matrix of the pairs of near taxels, f32[m, m]).
 
-    Two taxels are near each other if their centres are closer than `OBJECT_RADIUS_M`.
+    An entry of the matrix is 1 if the centres of the two taxels are closer than `OBJECT_RADIUS_M`, else 0.
     """
     taxels = dataset.taxels
     for address in np.unique(taxels.sensor).tolist():

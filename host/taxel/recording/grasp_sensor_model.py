@@ -55,8 +55,8 @@ class SensorModel:
         """Simulate raw counts u16[T, n] with noise, clipped to 16 bits, under forces f64[T, n], newtons.
 
         generator: source of the noise. line: i64[n], RX line of each taxel (`TaxelTable.rx_line`), required if
-        noise_line_counts is not 0: the noise of a line is sampled once in a frame for all its taxels. Raises ValueError
-        if line is required and None.
+        noise_line_counts is not 0: all taxels of a line have the same line noise in a frame. Raises ValueError if line
+        is required and None.
         """
         exact = self.baseline_counts - self.predict_signal(force)
         if self.noise_counts:

@@ -76,10 +76,10 @@ def check_target(target: Path, overwrite: bool, location: Location) -> None:
 
 @contextmanager
 def open_whole_dataset(path: str | os.PathLike[str], overwrite: bool) -> Iterator[Path]:
-    """Context manager: an empty temporary file for a dataset, which gets the name `path` at the end of the block.
+    """Context manager that yields an empty temporary file, which gets the name `path` at the end of the block.
 
-    An exception leaves an existing dataset as it was. Raises DatasetError that names `path`, also in place of a
-    DatasetError of the block that names the temporary file.
+    An exception leaves an existing dataset as it was. A DatasetError of the block that names the temporary file is
+    replaced by one that names `path`. Raises DatasetError.
     """
     target, location = Path(path), Location(str(path))
     check_target(target, overwrite, location)
@@ -113,8 +113,8 @@ def create_grasps_group(parent: Any) -> None:
     """
     properties = _group_properties()
     # h5py does not offer these two calls, but its HDF5 library has them. If they cannot be called, HDF5's default
-    # layout is equally readable, and only the critical time of a kill is longer. HDF5 is not thread-safe: without
-    # h5py's lock, a call at the same time as another thread's fails or damages both.
+    # layout is equally readable, and only the time in which a kill damages the file is longer. HDF5 is not thread-safe:
+    # without h5py's lock `phil`, simultaneous calls of two threads fail or damage the data of both.
     try:
         library = ctypes.CDLL(h5py.defs.__file__)
         for function, a, b in (

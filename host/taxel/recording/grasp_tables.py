@@ -68,7 +68,7 @@ class SensorTable:
 
     def index_of(self, taxels: TaxelTable) -> IntArray:
         """Return the index in this table of each taxel's sensor, i64[n]."""
-        row = np.zeros(256, np.int64)
+        row = np.zeros(256, np.int64)  # an address has 8 bits
         row[self.address] = np.arange(self.s)
         return row[taxels.sensor]
 
@@ -110,6 +110,7 @@ def check_taxels(arrays: Mapping[str, Any], location: Location, sizes: dict[str,
     if (table.size <= 0.0).any():
         at = find_first(table.size <= 0.0)
         location.key("size").fail("metres above 0", f"{table.size[at]} at {format_index(at)}", "correct it")
+    # One number for each crossing of electrodes: sensor, tx and rx have 8 bits each.
     crossing = (table.sensor.astype(np.int64) * 256 + table.tx) * 256 + table.rx
     _, first_row, number = np.unique(crossing, return_index=True, return_inverse=True)
     is_repeated = first_row[number.reshape(-1)] != np.arange(table.n)

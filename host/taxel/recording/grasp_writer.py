@@ -225,7 +225,7 @@ class _HeaderContent:
     """The checked content of a new dataset file without grasps."""
 
     def __init__(self, header: DatasetHeader, location: Location) -> None:
-        """Check a header. Raises DatasetError for its first error."""
+        """Check a header, and convert it to attributes and tables. Raises DatasetError for the first error."""
         self._attributes = _check_attributes(header, location)
         sizes: dict[str, int] = {}
         self._tables = _check_tables(header, location, sizes)

@@ -79,7 +79,8 @@ class FaultTolerantFile:
     def write(self, data: Any) -> int:
         """Write bytes at the position and advance it; return their number, also after a failure.
 
-        After a failure nothing is written; small writes are kept in memory, so that the library can read them back.
+        A failure is stored in `error` and not raised. After a failure nothing is written to the file; small writes are
+        kept in memory, so that the HDF5 library can read them back.
         """
         view = memoryview(data).cast("B")
         offset, self._position = self._position, self._position + len(view)
@@ -96,7 +97,7 @@ class FaultTolerantFile:
         return len(view)
 
     def truncate(self, size: int) -> int:
-        """Set the size of the file in bytes."""
+        """Set the size of the file in bytes, and return the size. A failure is stored in `error`."""
         if self.error is None and size != self._size:
             try:
                 os.ftruncate(self._descriptor, size)
@@ -109,7 +110,7 @@ class FaultTolerantFile:
         """Do nothing: the file has no buffer."""
 
     def sync(self) -> None:
-        """Write the file to the disk."""
+        """Write the file to the disk. A failure is stored in `error`."""
         if self.error is None:
             try:
                 os.fsync(self._descriptor)
@@ -161,7 +162,10 @@ _open_files: "weakref.WeakSet[WritableFile]" = weakref.WeakSet()
 
 @atexit.register
 def _close_open_files() -> None:
-    """Close all files: at its own end the library would call methods of a Python that no longer runs."""
+    """Close all files that are still open at the end of the program.
+
+    Otherwise the HDF5 library would close them after the end of Python, and would call methods of Python objects.
+    """
     for file in list(_open_files):
         with suppress(Exception):
             file.close()
@@ -192,7 +196,7 @@ def extend_hdf5(output: LiveOutput, location: Location, is_read_only: bool = Fal
 
 
 def _make_access(output: LiveOutput) -> tuple[Any, FaultTolerantFile]:
-    """Return HDF5 access properties that make the library use a Python file, and that file, for an output."""
+    """Return (HDF5 access properties, Python file) with which the HDF5 library reads and writes an output."""
     access = h5p.create(h5p.FILE_ACCESS)
     raw = FaultTolerantFile(output.file)
     access.set_fileobj_driver(h5fd.fileobj_driver, raw)
@@ -212,7 +216,10 @@ def open_new_hdf5(path: str | os.PathLike[str]) -> Iterator[WritableFile]:
 
 @contextmanager
 def change_hdf5(path: str | os.PathLike[str]) -> Iterator[WritableFile]:
-    """Context manager: an existing temporary HDF5 file, open to change it. Raises DatasetError for another file."""
+    """Context manager: an existing temporary HDF5 file, open for changes.
+
+    Raises DatasetError for a file that cannot be opened as HDF5.
+    """
     output = LiveOutput.without_name(path)
     with _closed(output, extend_hdf5(output, Location(str(path)))) as file:
         yield file

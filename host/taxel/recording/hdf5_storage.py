@@ -81,6 +81,7 @@ def _is_complete_heap(data: mmap.mmap, start: int) -> bool:
         index, length = _HEAP_OBJECT.unpack_from(data, place)
         if index == 0 and length < _HEAP_OBJECT.size:
             return False
+        # The length of object 0 includes its header; the data of other objects are padded to a multiple of 8 bytes.
         place += length if index == 0 else _HEAP_OBJECT.size + (length + 7) // 8 * 8
     return bool(place <= end)
 
@@ -127,7 +128,7 @@ def read_values(dataset: Any, location: Location) -> Any:
     stored: list[Any] = []
     dataset.id.chunk_iter(stored.append)
     for chunk in stored:
-        # A chunk may exceed the array by its checksum, and data that cannot be compressed grow by 1/1000 at most.
+        # The stored bytes may exceed `size` by the checksum, and data that cannot be compressed grow by 1/1000 at most.
         if not 0 < chunk.size <= size + size // 100 + 1024:
             location.fail(f"complete chunks of {size} bytes", f"one of {chunk.size} stored bytes", DAMAGED)
         # HDF5 2.0 does not return the filter mask here, and returns more than the stored bytes if there is no filter.
@@ -145,7 +146,8 @@ def read_values(dataset: Any, location: Location) -> Any:
 def _chunk_bytes(dataset: Any) -> int:
     """Return the bytes of a chunk before its filters are applied.
 
-    A string of variable length is stored as its length, the address of its heap and its number in that heap.
+    A string of variable length is stored as three numbers: its length (4 bytes), the address of a heap, and the index
+    of the string in this heap (4 bytes).
     """
     item_bytes = int(dataset.dtype.itemsize)
     text = h5py.check_string_dtype(dataset.dtype)
@@ -176,8 +178,9 @@ def _is_plain(dataset: Any, filters: list[int]) -> bool:
 def _expand(data: bytes | memoryview, filters: list[int], size: int, item_bytes: int) -> bytes | memoryview:
     """Reverse the filters of a chunk; the result has another length than `size` if the chunk is damaged.
 
-    filters: those that were applied, in that order. size: bytes of a complete chunk. At most a few bytes more than
-    `size` are returned. item_bytes: bytes of an element. Data that lzf compressed become zeros of the same number.
+    filters: applied filters, in the order of their application. size: bytes of a complete chunk. At most a few bytes
+    more than `size` are returned. item_bytes: bytes of an element. Instead of data that lzf compressed, zeros of the
+    expanded length are returned, because only this length is checked.
     """
     for code in reversed(filters):
         if code == _FLETCHER32:
@@ -200,8 +203,9 @@ def _expand(data: bytes | memoryview, filters: list[int], size: int, item_bytes:
 def _find_lzf_size(data: bytes | memoryview) -> int:
     """Return the number of bytes into which lzf data expand, or 0 for incomplete data (LibLZF 3.6, lzf_d.c).
 
-    A first byte below 32 precedes that number of bytes plus one. Another first byte refers to earlier bytes: its upper
-    three bits, and the next byte if all three are 1, give their number less two, and one more byte their place.
+    The data consist of literal runs and references to earlier bytes; each begins with a control byte c. If c is below
+    32, a run of c + 1 bytes follows. Otherwise the length of the reference is 2 plus the upper three bits of c, plus
+    the next byte if all three bits are 1; one further byte belongs to the position of the earlier bytes.
     """
     size = place = 0
     while place < len(data):

@@ -72,8 +72,8 @@ def replay_touches(
 ) -> ReplayScore:
     """Send frames of a touch recording through an emulated skin of `hand`, and score the decoded touches.
 
-    folder: folder for the stimulus, the host script and the capture; None: they are deleted. Raises `RecordingError` if
-    the recording has no frame in the selected time, the hand is too small, or a board delivers too few frames for a
+    folder: folder for the stimulus, the host script and the capture; None: a temporary folder. Raises `RecordingError`
+    if the recording has no frame in the selected time, the hand is too small, or a board delivers too few frames for a
     baseline; `CaptureError` if `folder` contains a capture already; `LinkError` if the emulator rejects its input.
     """
     options = options or ReplayOptions()
@@ -94,7 +94,11 @@ def replay_touches(
 
 
 def compute_lead_in_s(hand: Hand, settings: WorldSettings) -> float:
-    """Return the emulated seconds without contact before a replay, long enough for the baseline of every board."""
+    """Return the emulated seconds without contact before a replay, long enough for the baseline of every board.
+
+    The baseline needs `BASELINE_SAMPLES` poll cycles. A cycle lasts as long as the bus transfer of all boards (2 bytes
+    for each taxel) or the scan of the largest board, whichever is longer.
+    """
     bus_bytes = sum(2 * board.kind.taxel_count + BOARD_OVERHEAD_BYTES for board in hand.boards)
     scan_s = CONVERSION_S * max(board.kind.taxel_count for board in hand.boards)
     cycle_s = SCAN_MARGIN * max(BITS_PER_BYTE_I2C * bus_bytes / settings.scl_hz, scan_s)
@@ -166,7 +170,7 @@ def _compute_taxel_offsets(frames: list[TaxelFrame], time_s: FloatArray, n_taxel
     """Return the time from the start of a scan to the middle of each taxel's conversion, seconds, f64[n].
 
     frames, time_s: frames of one board and their times. A board scans without a pause, so that the time of one taxel is
-    the time between two scans divided by the number of scans and taxels.
+    the time from the first to the last scan, divided by the number of scans and by the number of taxels.
     """
     scans = _unwrap(np.array([frame.sequence for frame in frames]))
     period_s = (time_s[-1] - time_s[0]) / (scans[-1] - scans[0]) / n_taxels
@@ -176,6 +180,7 @@ def _compute_taxel_offsets(frames: list[TaxelFrame], time_s: FloatArray, n_taxel
 
 def _unwrap(numbers: IntArray) -> IntArray:
     """Convert numbers that wrap at 65,536 to continuous numbers that start with the first number."""
+    # Each step is replaced by the step nearest to 0 that is equal modulo 65,536.
     steps = np.diff(numbers, prepend=numbers[0])
     unwrapped: IntArray = numbers[0] + np.cumsum((steps + _MODULUS // 2) % _MODULUS - _MODULUS // 2)
     return unwrapped

@@ -102,7 +102,7 @@ def _list_tile_shapes() -> list[tuple[int, int]]:
 
 
 def _find_tiles(hand: Hand, board: Board, shape: tuple[int, int], max_count: int) -> Iterator[IntArray]:
-    """Yield at most `max_count` separate windows of a board, each as its taxel indices, int64[rows, columns].
+    """Yield at most `max_count` disjoint windows of a board, each as its taxel indices, int64[rows, columns].
 
     shape: rows and columns of a window, all of whose crossings must carry taxels.
     """

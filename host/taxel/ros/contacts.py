@@ -63,7 +63,7 @@ def make_contact_cloud_message(
     """Make a sensor_msgs/PointCloud2 message with a point for each active taxel.
 
     positions: f64[n, 3], centres of all taxels, metres. normals: f64[n, 3], outward unit normals. head: std_msgs/Header
-    with the frame of both.
+    with the coordinate frame of positions and normals.
     """
     taxels = np.flatnonzero(activation.active)
     points = np.zeros(len(taxels), dtype=POINT)

@@ -87,7 +87,7 @@ def parse_fields(text: str) -> tuple[MessageField, ...]:
     parsed = []
     for line in text.splitlines():
         match = _FIELD.match(line.strip())
-        if match is not None and not match[5]:
+        if match is not None and not match[5]:  # match[5]: the "=" of a constant
             is_array = match[2] is not None
             parsed.append(MessageField(match[4], match[1], is_array, int(match[3]) if match[3] else None))
     return tuple(parsed)
@@ -103,7 +103,7 @@ def fields(name: str) -> tuple[MessageField, ...]:
 def list_message_types(name: str) -> tuple[str, ...]:
     """List a ROS message type and all types that its fields use, directly or indirectly; each once, `name` first."""
     names = [name]
-    for part in names:
+    for part in names:  # the list grows in the loop, so that the types of the added types are listed, too
         used = (field.type for field in fields(part) if "/" in field.type)
         names += [each for each in dict.fromkeys(used) if each not in names]
     return tuple(names)

@@ -142,13 +142,15 @@ class HandControl:
         angles, f64[16], radians. The torques are 0 without a command or with an unknown angle. Raises
         JointTopicStoppedError if the command is older than `stop_after_s`.
         """
-        if command is None or not np.isfinite(angles).all():
+        if command is None:
             return np.zeros(JOINT_COUNT)
         if age_s > self._stop_after_s:
             raise JointTopicStoppedError(
                 f"{self._topic}: no valid joint command for {age_s:.1f} s: the hand held its position from "
                 f"{self._hold_after_s:g} s on and its motors are now off; restart the publisher, then this command"
             )
+        if not np.isfinite(angles).all():
+            return np.zeros(JOINT_COUNT)
         if age_s <= self._hold_after_s:
             self.state, self._hold_angles = ControlState.FOLLOWING, None
             return self._control.compute_torques(command.position, command.torque)

@@ -149,7 +149,7 @@ class McapFile:
         return self._writer.register_channel(topic, MessageEncoding.CDR, schema)
 
     def _flush_if_due(self) -> None:
-        """Write the current chunk of the MCAP file if `FLUSH_S` seconds have elapsed since the last chunk."""
+        """Write the current chunk if `FLUSH_S` seconds have elapsed since the last chunk and no `group` is open."""
         now_s = time.monotonic()
         if self._has_unflushed and not self._is_grouping and now_s - self._flushed_s >= FLUSH_S:
             self._flush()

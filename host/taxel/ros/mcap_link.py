@@ -58,6 +58,7 @@ class McapReader:
         except BaseException:
             self._file.close()
             raise
+        # A recording without messages is treated as one with bytes of the hub: it has no frames to encode.
         self.has_bytes = self._first is None or self._first[0] == BYTES_TYPE
         self.has_original_messages = self._first is not None and self._first[0] == ORIGINAL_TYPE
 
@@ -178,6 +179,7 @@ class McapLink:
         self.name = reader.name
         self.header = reader.header
         self.has_arrivals = reader.header.get("clock") != "hub"
+        # A missing or implausible baud rate is replaced by 1 Mbit/s.
         baud = self.header.get("baud", 1e6)
         self.baud = float(baud) if isinstance(baud, int | float) and 1e3 <= baud <= 1e9 else 1e6
         self._reader = reader

@@ -42,7 +42,6 @@ class OriginalTopicsLink(FramesLink):
         self._node = node
         self._messages: queue.SimpleQueue[tuple[Any, int]] = queue.SimpleQueue()
         self._converter = OriginalFrames()
-        self._timeout_s = 0.0
         super().__init__(name, self._receive())
         self.header = {"hand": ORIGINAL_HAND}
         for address in ADDRESSES:

@@ -88,7 +88,7 @@ class FrameTree:
         """Yield the transform of each link that follows a moving joint, from the current link poses."""
         robot = self._require_kinematics().robot
         for index, joint in enumerate(robot.joints):
-            if joint.axis is not None:
+            if joint.axis is not None:  # link 0 is the root, and link k + 1 is the child of joint k
                 parent = self._poses[robot.get_link_index(joint.parent)]
                 yield _make_transform(joint.parent, joint.child, inverse(parent) @ self._poses[index + 1])
 

@@ -35,7 +35,7 @@ def compute_epoch_offset_ns(first_s: float, is_live: bool) -> int:
     """Compute Unix time minus stream time, nanoseconds.
 
     first_s: time of the first frame on the stream's clock, seconds. is_live: the stream has the clock of
-    `time.monotonic`; otherwise the offset gives its first frame the present time.
+    `time.monotonic`; otherwise the offset maps its first frame to the present time.
     """
     return time.time_ns() - (time.monotonic_ns() if is_live else round(first_s * NS_PER_S))
 
@@ -108,6 +108,7 @@ class SkinTopics:
         if not self._is_started:
             self._is_started = True
             yield from self._make_static_messages(self.time_ns(frame.time_s))
+            # Before the first frame, because scans of other boards in the same cycle may have started earlier.
             yield from self._make_edge_message(frame.time_s - EDGE_S)
         self._newest_s = max(self._newest_s, frame.time_s)
         yield self._make_scan_message(frame)

@@ -111,6 +111,7 @@ class ContactState:
         begin = to_probability(CONTACTS_PER_S, interval.elapsed_s) if interval.begin is None else interval.begin
         predicted = self.variance + interval.walk + CONTACT_WALK * interval.elapsed_s
         total = predicted + interval.measured
+        # `change` is the probability that a contact ends, and also the probability that its force changes.
         stays = self.contact * (1.0 - change) ** 2 * _normal_density(count - self.level, total)
         moves = (self.contact * (1.0 - change) * change + (1.0 - self.contact) * begin) * _signal_density(-residual)
         was_free = (1.0 - self.contact) * (1.0 - begin) + self.contact * change

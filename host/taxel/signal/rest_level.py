@@ -136,7 +136,8 @@ class RestLevel:
         expected = np.where(known, self.loading * shared, 0.0)
         residual = np.where(usable, change - expected, 0.0)
         measured = self.compute_measured_variance(count)
-        # The error of a loading acts on the whole change since the taxel's own deviation was used.
+        # `unchecked` is the common change since the taxel's own deviation was last used. The error of the loading acts
+        # on this whole change.
         predicted = self.variance + max(self.settings.walk, LEAST_WALK)
         settled = predicted + self.loading_variance * self.unchecked**2
         # The loadings are those of temperature. A faster common change may have another origin and other factors.

@@ -178,7 +178,8 @@ class TrackedBaseline:
             self._contact.free_variance[ceased],
         )
         level.unchecked[ceased] = 0.0
-        # The levels of taxels that were in contact are uncertain: they follow the others, if there are any.
+        # The level of a taxel that was in contact is uncertain: the taxel takes part in the common change only if all
+        # contacts of its board have ended.
         change = np.where(np.isfinite(mean), mean - level.level, 0.0)
         usable = np.isfinite(mean) & level.is_known & ~is_contact
         common = level.find_common(change, usable & (was_free | have_ended[level.board]))
@@ -217,7 +218,7 @@ class TrackedBaseline:
             density = -0.5 * (COMMON_FREEDOM + 1.0) * np.log1p((common / scale) ** 2 / COMMON_FREEDOM)
             posterior.append(prior + density + np.bincount(level.board, state.log_evidence, len(common)))
         chosen = np.argmax(posterior, axis=0)
-        return ContactState.select(states, chosen[level.board]), chosen == 1
+        return ContactState.select(states, chosen[level.board]), chosen == 1  # 1: index of `of_all`
 
     def _compute_contact(
         self, mean: FloatArray, count: IntArray, common: FloatArray, elapsed_s: float, begin: float | None

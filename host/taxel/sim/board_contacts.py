@@ -184,7 +184,7 @@ def _compute_surface_points(hand: Hand | Sheet, taxel: IndexArray) -> FloatArray
 
 
 def _make_tilt_axes(directions: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return two unit vectors for each of G directions f64[G, 3], perpendicular to it and to each other."""
+    """Return for each of G directions f64[G, 3] two unit vectors, perpendicular to the direction and to each other."""
     most_perpendicular = np.eye(3)[np.argmin(np.abs(directions), axis=1)]
     first = np.cross(directions, most_perpendicular)
     first /= np.linalg.norm(first, axis=1, keepdims=True)

@@ -107,6 +107,7 @@ class ConeSensing:
         result = np.zeros(touching.shape, dtype=bool)
         for index in np.union1d(np.flatnonzero(touching.any(axis=1)), frame):
             points = np.concatenate([tips[index, touching[index]], point[frame == index]])
+            # cKDTree excludes its bound; the factor includes a point exactly at the threshold.
             distance, _ = cKDTree(points).query(centres[index], distance_upper_bound=self.threshold_m * (1 + 1e-9))
             result[index] = np.isfinite(distance)
         return result

@@ -124,6 +124,7 @@ class MessageRecorder:
             self._period = period
         bodies = self._body[np.asarray(data.contact.geom, dtype=np.int64).reshape(-1, 2)]
         rows: dict[tuple[int, int], list[int]] = {}
+        # Contacts with at least one board; efc_address is -1 for a contact without a force.
         for index in np.flatnonzero((np.asarray(data.contact.efc_address) >= 0) & (bodies >= 0).any(axis=1)).tolist():
             pair = (int(bodies[index, 0]), int(bodies[index, 1]))
             if not (self._settings.first_entries_only and frozenset(pair) in self._seen):

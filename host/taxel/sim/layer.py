@@ -167,7 +167,7 @@ def settle_boards(
         gap, gap_gradient = moved.cast_rays(hand, shape)
         of_springs = stiffness * hand.area_share[moved.taxel]
         springs = _linearise(moved, gap, gap_gradient, of_springs, bound, travel[moving_boards, 1:])
-        x = solve_rest_positions(springs)
+        x = solve_rest_positions(springs)  # approach and two tilts of each board; a tilt is multiplied by TILT_ARM_M
         force[np.isin(boards.group, moving_boards)] = springs.stiffness * springs.compute_compression(x)
         moved = moved.move(x)
         pose[moving_boards], centre[moving_boards] = moved.pose, moved.centre
@@ -217,6 +217,7 @@ def assemble_result(shape: Shape, loads: LayerLoads, settled: SettledBoards) -> 
     separation = np.maximum(compute_separations(hand, shape, rest_poses, loads.object_poses), 0.0)
     is_compressed = settled.indentation < 0
     separation[bearing_taxels] = np.where(is_compressed, settled.indentation, separation[bearing_taxels])
+    # Sums over the taxels of each board: forces along the given force, and moments about the tilt axes / TILT_ARM_M.
     balance = np.zeros((len(boards.frame), 3))
     for i in range(3):
         balance[:, i] = np.bincount(boards.group, settled.force * boards.rows[:, i], len(boards.frame))

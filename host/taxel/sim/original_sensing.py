@@ -162,7 +162,8 @@ def _keep_first_entries(entries: Iterable[PairEntry]) -> list[PairEntry]:
 def _find_last_name(entries: Sequence[PairEntry], sensor: int) -> int:
     """Return the board under whose name the plug-in stores a message, as an index in `hand.boards`.
 
-    It is the board in the last pair that contains one, and the first body if both are boards; `sensor` without any.
+    The last pair of bodies that contains a board determines the result: its first body that is a board (index 0 or
+    more). Without such a pair, the result is `sensor`, the board of the contact sensor.
     """
     name = sensor
     for first, second in (entry.bodies for entry in entries):
@@ -174,9 +175,10 @@ def _find_last_name(entries: Sequence[PairEntry], sensor: int) -> int:
 
 
 def get_centres(hand: Hand, rules: OriginalRules) -> FloatArray:
-    """Return the plug-in's taxel centres in the frame of each taxel's bracket, f64[n, 3], metres; NaN: unknown to it.
+    """Return the taxel centres that the original contact plug-in uses, f64[n, 3], metres, in the brackets' frames.
 
-    Raises NoCodedCentresError if a rule of the original hand is on and `hand` is another hand.
+    The centre of a taxel for which the plug-in has no coordinates is NaN. Raises NoCodedCentresError if a rule of the
+    original hand is on and `hand` is another hand.
     """
     centres = hand.position.copy()
     if rules.coded_centres:
@@ -219,7 +221,7 @@ class OriginalContact(NamedTuple):
 def sense_messages(
     hand: Hand, sensor_poses: FloatArray, time_s: FloatArray, messages: Iterable[ContactMessage], rules: OriginalRules
 ) -> OriginalContact:
-    """Compute the taxels that the plug-in would find active at every sample, if it saved its results at this time.
+    """Compute the taxels that the original contact plug-in would save as active at each time of `time_s`.
 
     sensor_poses: f64[T, s, 4, 4], brackets in the world. time_s: f64[T], ascending. messages: in ascending order of
     time; a message that ends after a sample does not act on it.
@@ -245,7 +247,10 @@ def sense_messages(
 
 
 def make_recorder_settings(hand: Hand, rules: OriginalRules) -> RecorderSettings:
-    """Make the settings of the contact sensors for `hand`, with tips on its palm and corners of pads elsewhere."""
+    """Make the settings of the simulated contact sensors, with the points at which each board can touch the object.
+
+    The points are tips over the taxels of the palm, and the corners of the pads on all other boards.
+    """
     tips = []
     for index, board in enumerate(hand.boards):
         where = hand.get_slice(board.address)

@@ -126,7 +126,7 @@ def build_scene(
     self_contact: bool = False,
     layer_m: Mapping[str, float] | None = None,
 ) -> Scene:
-    """Compile a scene.
+    """Return the compiled MuJoCo scene of a hand and of an object on its stand.
 
     Args:
         hand: hand whose description has positions and a robot.

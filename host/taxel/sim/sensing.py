@@ -62,11 +62,11 @@ class SensedContact(NamedTuple):
 def sense(hand: Hand, shape: Shape, motion: GraspMotion, sensing: Sensing) -> SensedContact:
     """Compute force and separation of every taxel of `hand` on an object of shape `shape` during `motion`.
 
-    With level "cones" an active taxel carries `NOMINAL_FORCE_N`, any other taxel no force, and the separations are
-    those of the rigid geometry. The tips of the cones lie on the layer's surface, where the rigid boards touch: the
-    cones of the thesis are as high as its layer. For a motion of rigid boards, such as an imported rollout, level
-    "layer" is evaluated as "rigid". Raises ValueError for level "original" if the motion has no messages of contact
-    sensors.
+    `Sensing` describes the contact models ("levels"). With level "cones" an active taxel carries `NOMINAL_FORCE_N`, any
+    other taxel carries no force, and the separations are those of the rigid geometry. The tips of the cones lie on the
+    surface of the layer, because the cones of the thesis are as high as the layer. For a motion of rigid boards, such
+    as an imported rollout, level "layer" is evaluated as "rigid". Raises ValueError for level "original" if the motion
+    has no messages of contact sensors.
     """
     poses, objects = motion.sensor_poses, motion.object_pose
     if sensing.level == "layer" and motion.taxel_force is not None:

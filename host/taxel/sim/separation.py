@@ -58,6 +58,7 @@ def compute_separations(
     points, directions = _transform_taxels(hand, poses[moved], objects[moved])
     result = shape.ray_separation(points, directions) - layer
     result = np.where(result < -max_indentation_m, MISS_M, np.minimum(result, MISS_M))
+    # A frame without motion gets the result of the latest frame with motion.
     return np.asarray(result[np.cumsum(moved) - 1])
 
 

@@ -230,13 +230,15 @@ class SoftContact:
         columns = self._find_columns(inverse(object_pose) @ sensor_poses)
         force = self._press_parts(columns)[0] * np.maximum(columns.slope, 0.0)
         count = self.hand.n_taxels
+        # Pieces are numbered by taxel; those of the margin, which has no taxel, follow after the last taxel.
         return np.asarray(np.bincount(columns.piece // SPRINGS_PER_SIDE**2, force, count)[:count], dtype=np.float64)
 
     def _press_parts(self, columns: _Columns) -> tuple[FloatArray, FloatArray]:
         """Compute the normal force f64[m], newtons, and its stiffness f64[m], N/m, of m parts of columns.
 
         The mean force over a part follows from two depths that have the part's mean and standard deviation of the
-        depth.
+        depth. The force law gives the component along the axis of a column: the normal force is larger by 1 / slope. A
+        motion along the normal changes the depth by 1 / slope as well.
         """
         area = self.sheet.area_share[columns.piece] * columns.area
         limited = np.maximum(columns.slope, MIN_SLOPE)
@@ -265,7 +267,7 @@ class SoftContact:
         Without friction, force and stiffness are 0.
         """
         across = np.eye(3) - grip.normal[:, :, None] * grip.normal[:, None, :]
-        shear = np.nan_to_num(grip.top - self._anchors[grip.piece])
+        shear = np.nan_to_num(grip.top - self._anchors[grip.piece])  # the anchor of a column without contact is NaN
         shear *= np.minimum(self._touched[grip.piece] / grip.touched, 1.0)[:, None]
         shear -= (shear * grip.normal).sum(axis=1)[:, None] * grip.normal
         length = np.linalg.norm(shear, axis=1)
@@ -297,6 +299,7 @@ class SoftContact:
         half_sides = np.einsum("mij,msj->msi", rotation, self.sheet.half_sides[pieces])
         depth, normals = self._shape.view_faces(tops, axes, MIN_SLOPE)
         slopes = -(normals * axes[:, None]).sum(axis=2)
+        # Change of the depth below each face along each half side of a column's square.
         depth_change = -np.einsum("mkj,msj->mks", normals, half_sides) / np.maximum(slopes, MIN_SLOPE)[..., None]
         parts = divide_squares(depth, depth_change)
         column, face = parts.column, parts.face
@@ -314,6 +317,7 @@ class SoftContact:
     def _bound_motion(self, pose_change: FloatArray) -> float:
         """Compute an upper bound of the motion of any piece of the sheet, metres.
 
+        The Frobenius norm of the change of a rotation matrix is an upper bound of its effect on a unit vector.
         pose_change: f64[s, 4, 4], change of the poses of the boards since the last search for pieces near the object.
         """
         rotation = np.sqrt(np.einsum("sij,sij->s", pose_change[:, :3, :3], pose_change[:, :3, :3]))

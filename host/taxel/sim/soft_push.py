@@ -104,7 +104,11 @@ class SoftPush:
             remaining -= share
 
     def _choose_step(self, data: mujoco.MjData) -> float:
-        """Choose the next substep as a fraction of `step_s`, in which no board near the object moves too far."""
+        """Choose the length of the next substep as a fraction of `step_s`, at least 1 / `MAX_SUBSTEPS`.
+
+        Above this minimum, no board near the object moves farther than `MOTION_PER_STEP_M`, except a board that moves
+        away from the object.
+        """
         velocity = self._compute_jacobian(data, self._read_sensor_poses(data)) @ data.qvel
         speed = np.linalg.norm(velocity[:, :3], axis=1) + BOARD_RADIUS_M * np.linalg.norm(velocity[:, 3:], axis=1)
         is_near = self._contact.get_clearances() < speed * self.step_s + MOTION_PER_STEP_M
@@ -112,14 +116,18 @@ class SoftPush:
         return float(1.0 / np.clip(np.ceil(speed * self.step_s / MOTION_PER_STEP_M), 1, MAX_SUBSTEPS))
 
     def _separates(self, velocity: FloatArray) -> BoolArray:
-        """Return whether each board moves along the force on it, away from the object, bool[s].
+        """Return whether each board moves away from the object, bool[s]: the power of the load on it is positive.
 
         velocity: f64[s, 6], velocity and angular velocity relative to the object, world.
         """
         return np.asarray((self._last_wrench * velocity).sum(axis=1) > 0.0)
 
     def _substep(self, data: mujoco.MjData, h: float) -> None:
-        """Advance the scene by h seconds; poses and velocities in `data` must be current (`mj_fwdVelocity`)."""
+        """Advance the scene by h seconds; poses and velocities in `data` must be current (`mj_fwdVelocity`).
+
+        The new velocity v' solves (M / h + D + h K) v' = M v / h + forces, with the inertia M, the damping D and the
+        stiffness K of layer, stand and joint springs.
+        """
         model, inertia = self._model, self._inertia
         poses = self._read_sensor_poses(data)
         object_pose = self._read_object_pose(data)

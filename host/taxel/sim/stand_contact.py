@@ -67,6 +67,7 @@ class StandContact:
         rate = np.where(slides, self.stiffness_n_per_m * limit / np.maximum(sticking, limit), self.stiffness_n_per_m)
         if advance:
             self._anchors[touching] = points - shear * (rate / self.stiffness_n_per_m)[:, None]
+        # Full stiffness perpendicular to the plane, `rate` along it, and 0 in the direction in which a corner slides.
         along = np.where(slides, rate / np.maximum(length, 1e-12) ** 2, 0.0)
         springs = (self.stiffness_n_per_m - rate)[:, None, None] * self._across + rate[:, None, None] * np.eye(3)
         springs -= along[:, None, None] * shear[:, :, None] * shear[:, None, :]

@@ -188,7 +188,7 @@ class MultiSkin:
         return measure_baseline(self.hand.n_taxels, self.scans(), samples, progress, ", ".join(self.skins))
 
     def close(self) -> None:
-        """Stop the streams of all ports and close their links. A port that fails does not prevent the others."""
+        """Stop the streams of all ports and close their links, also after an error of one of the ports."""
         with contextlib.ExitStack() as stack:
             for skin in self.skins.values():
                 stack.callback(skin.close)

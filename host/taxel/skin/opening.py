@@ -41,7 +41,7 @@ def open_skin(
     `file:capture.bin`, `file:skin.mcap`, a pyserial URL or a scheme of a plug-in. hand: name of a packaged description,
     a file or a `Hand`; None: the hand that a recording contains, else "original". rate_hz: highest rate of scans; None:
     the rate that the bus permits. frames: "plain" (16-bit counts) or "compact" (the same counts in fewer bytes; boards
-    and hub must support the format); None: the URL's option `frames`, else "plain". The decoded frames are equal.
+    and hub must support the format); None: the URL's option `frames`, else "plain". Both formats give the same frames.
     With the option `protocol=original`, the URL of a serial port, socket, file or emulator reads the original hub (see
     `taxel.original_hub.open_original`); the default hand is then `original`.
 

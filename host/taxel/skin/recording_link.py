@@ -95,6 +95,7 @@ def make_recording_header(
     recording, the fields of that recording's header take precedence, except `clock`.
     """
     clock = "host" if has_arrivals(link) else "hub"
+    # The clock "host" is `time.monotonic`. The clock "hub" of a live emulator begins at 0 at about the present time.
     offset_ns = time.time_ns() - (time.monotonic_ns() if clock == "host" else 0)
     header: dict[str, Any] = {
         "url": url,

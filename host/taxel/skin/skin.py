@@ -243,7 +243,7 @@ class Skin:
         frames: frames of this skin, in the order of their arrival. Incomplete cycles remain for the next call.
         """
         for frame in frames:
-            self._sorter.add(frame)  # the sorter outlives the caller's iterator, whose successor finishes the cycle
+            self._sorter.add(frame)  # an incomplete cycle stays in the sorter, and a later call completes it
             while (complete := self._sorter.pop()) is not None:
                 yield self._combine_frames(complete)
 

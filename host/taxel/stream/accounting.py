@@ -54,7 +54,7 @@ class LossAccount:
 
         A hub of a newer version sends such frames. They are part of `frames_received`, and are not damaged.
         """
-        return int(self._decoder.totals[3])
+        return int(self._decoder.totals[3])  # the order of the counters is described at `StreamDecoder.totals`
 
     @property
     def frames_sent(self) -> int:

@@ -61,6 +61,7 @@ class CaptureDecoder:
                 fill += size
                 block_address = self._block.ctypes.data
                 self._gather(block_address, fill, position, self._arrivals.ctypes.data, self._block_values.ctypes.data)
+                # Bytes of the complete records, their payload bytes, number of records, size of the incomplete record.
                 used, payload, records, required = self._block_values.tolist()
                 position += payload
                 if payload:

@@ -63,8 +63,8 @@ class LowerEnvelope:
     def add(self, x: float, y: float) -> None:
         """Add a point (x, y) of the lower envelope.
 
-        x: hub time, microseconds, decreasing by at most one bin. y: host time, seconds. Only the point with the
-        smallest delay of each bin of x is kept.
+        x: hub time, microseconds; it may be below the hub time of the point before by at most one bin. y: host time,
+        seconds. Only the point with the smallest delay of each bin of x is kept.
         """
         number = x // BIN_US
         delay = y - x * 1e-6
@@ -255,6 +255,7 @@ class ClockMap:
         read_us[read_us == np.inf] = 0.0
         departed = read_start + read_us + (taxels["length"] + float(WIRE_OVERHEAD)) * self._byte_us
         delay = taxel_arrivals_s - departed * 1e-6
+        # The envelope keeps one point for each bin: of each run of frames in the same bin, only the earliest is added.
         bins = departed // BIN_US
         for start, end in pairwise([0, *(np.flatnonzero(bins[1:] != bins[:-1]) + 1).tolist(), len(taxels)]):
             earliest = start + int(np.argmin(delay[start:end]))

@@ -24,9 +24,10 @@ class CycleSorter:
         self._has_complete_cycle = self._has_complete_cycle or len(frames) == self._boards
 
     def pop(self, is_end: bool = False) -> list[TaxelFrame] | None:
-        """Remove and return the frames of the oldest complete or overdue poll cycle; None if there is none.
+        """Remove and return the frames of the oldest poll cycle; None if no cycle can be released yet.
 
-        `is_end`: the stream has ended, so every cycle is released.
+        The oldest cycle is released, complete or not, if a stored cycle is complete or if more than `CYCLES_IN_FLIGHT`
+        cycles are stored. `is_end`: the stream has ended, so every cycle is released.
         """
         if not self._pending or not (self._has_complete_cycle or is_end or len(self._pending) > CYCLES_IN_FLIGHT):
             return None

@@ -48,6 +48,7 @@ def encode_taxels(frame: TaxelFrame, sequence: int, hub_time_us: int) -> bytes:
     headers = _HEADERS.pack(
         frame.address, len(frame.raw_counts), frame.cycle, hub_time_us % (1 << 32), frame.sequence, frame.board_time_us
     )
+    # The board's CRC covers its address and the snapshot; the hub adds the first 8 bytes (address to hub time).
     snapshot = headers[8:] + counts
     crc = zlib.crc32(snapshot, zlib.crc32(headers[:1]))
     return encode_on_wire(FrameType.TAXELS, sequence, headers[:8] + snapshot + crc.to_bytes(4, "little"))

@@ -179,9 +179,9 @@ class FrameStream:
     def cut(self) -> int:
         """End the stream after the last frame that was taken from `frames`; return the number of link bytes up to it.
 
-        The counters are set to their values there. If the link has ended and all frames were taken, nothing is removed.
-        Requires calls of `keep_undelivered` before the first `poll` and of `release` before this method; the stream
-        cannot be read afterwards.
+        The counters are set to their values at this frame. If the link has ended and all frames were taken, nothing is
+        removed. Requires calls of `keep_undelivered` before the first `poll` and of `release` before this method; the
+        stream cannot be read afterwards.
         """
         assert self._undelivered is not None
         is_complete = self._end is not None and not self.frames

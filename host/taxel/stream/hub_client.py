@@ -194,8 +194,8 @@ class HubClient:
     def start(self, compact: bool = False, is_first: bool = True) -> None:
         """Start streaming; `compact`: request compact frames from the boards that support them.
 
-        is_first: whether poll cycles between an earlier stream and this one are not counted as missing; False after an
-        interruption. Raises `HubError` if the hub does not support compact frames.
+        is_first: True: poll cycles between an earlier stream and this one do not count as missing; False, after an
+        interruption: they count. Raises `HubError` if the hub does not support compact frames.
         """
         if compact and self.version < COMPACT_VERSION:
             raise HubError(
@@ -268,7 +268,8 @@ class HubClient:
     def reboot(self) -> None:
         """Restart the hub and wait for its restart message; the handshake must then be repeated.
 
-        Raises `HubError` if the message does not arrive within `REBOOT_TIMEOUT_S`.
+        The restart message is a HUB_HANDSHAKE that the hub sends without a request. Raises `HubError` if the message
+        does not arrive within `REBOOT_TIMEOUT_S`.
         """
         self._replies.pop(_UNREQUESTED_HANDSHAKE, None)
         self.command(Command.REBOOT)

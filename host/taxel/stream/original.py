@@ -117,6 +117,7 @@ class NativeOriginalDecoder:
         )
         for address, taxels in message_format.taxels.items():
             self._layout.taxels[address] = taxels
+            # A board with an accelerometer sends one value for each of three axes.
             self._layout.accelerations[address] = 3 * (address in message_format.accelerated)
         self._buffer = ctypes.create_string_buffer(capacity)
         self._handler = _HANDLER(self._append_message)

@@ -17,7 +17,8 @@ class RowClock:
     def __init__(self, clock: ClockMap, on_message: Callable[[HubMessage], None]) -> None:
         """Prepare the assignment of host times to decoded frames.
 
-        clock: maps their times, and is updated. on_message: called with each hub message.
+        clock: maps hub times to host times; the frames of each batch update the mapping. on_message: called with each
+        hub message.
         """
         self.clock = clock
         self._on_message = on_message

@@ -66,6 +66,7 @@ def _read_by_hub_time(link: Link) -> Iterator[TimedBytes]:
         for batch in decoder.push(data):
             rows = batch.taxel_rows
             for end, now_us in zip(rows["stream_position"].tolist(), rows["hub_time_us"].tolist(), strict=True):
+                # Signed difference of times modulo 2^32: correct across a wrap of the 32-bit hub time.
                 step = (now_us - hub_us + _WRAP_US // 2) % _WRAP_US - _WRAP_US // 2
                 hub_us += step
                 time_s = hub_us * 1e-6

@@ -119,8 +119,8 @@ def draw_on_cad(items: Sequence[ObjectClouds]) -> Any:
 
 
 def draw_on_sim(items: Sequence[ObjectClouds]) -> Any:
-    """Draw Figure 5.8 of the thesis: the real cloud of each object after alignment to the simulated cloud, and the
-    latter.
+    """Draw Figure 5.8 of the thesis: the simulated cloud of each object, and the real cloud after alignment to the
+    simulated cloud.
     """
     figure = new_figure(4.0 * len(items), 4.1)
     for column, item in enumerate(items):

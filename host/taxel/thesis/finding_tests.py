@@ -98,9 +98,10 @@ def _list_steps(result: ObjectResult, key: str) -> dict[int, float]:
 
 
 def falls_at_first(result: ObjectResult) -> Outcome:
-    """Test whether mean and RMS distance to the CAD model decrease without an increase in any step up to 190 counts.
+    """Test whether mean and RMS distance to the CAD model decrease from the first threshold to 190 counts.
 
-    A step is one step of the threshold of the force filter; the first threshold is 150 counts.
+    A step is one step of the threshold of the force filter; the first threshold is 150 counts. No step may increase a
+    distance by more than `RESOLUTION_M`, the resolution of the printed distances.
     Returned number: decrease of the mean, percent.
     """
     first, last = result.force[min(result.force)], result.force[FORCE_FILTER]
@@ -253,7 +254,7 @@ def propagation_adds_points(result: ObjectResult) -> Outcome:
 
 
 def propagation_worsens(result: ObjectResult) -> Outcome:
-    """Test whether contact propagation increases mean and RMS distance to the CAD model of the simulated cloud.
+    """Test whether contact propagation increases mean and RMS distance of the simulated cloud to the CAD model.
 
     Returned number: mean after propagation divided by mean before.
     """
@@ -264,7 +265,7 @@ def propagation_worsens(result: ObjectResult) -> Outcome:
 def propagation_nears_reality(result: ObjectResult) -> Outcome:
     """Test whether contact propagation brings the distances of the simulated cloud nearer to those of the real cloud.
 
-    Compared are mean and RMS distance to the CAD model, with those of the treated real cloud.
+    Mean and RMS distance of the simulated cloud to the CAD model are compared with those of the treated real cloud.
     Returned number: mean of the treated real cloud divided by that of the simulated cloud after propagation.
     """
     real, before, after = (result.cad[name] for name in (CLEANED, SIM, SPREAD))

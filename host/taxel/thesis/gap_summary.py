@@ -39,10 +39,11 @@ class GapSummary:
 def summarise_gap(
     report: Mapping[str, Any], results: Sequence[ObjectResult], printed: Mapping[str, Mapping[str, float]]
 ) -> GapSummary:
-    """Summarise the report of a gap diagnosis.
+    """Return the verdict of a gap diagnosis, the shares of its effects, and the shares of the treatment steps.
 
-    results: reproduced distances of each object, from the same datasets. printed: mean real-to-simulated distance that
-    the thesis prints, metres, by object and stage.
+    The shares of the effects in the verdict are their Shapley shares in percent of the sum of all positive shares.
+    report: JSON values of the gap diagnosis. results: reproduced distances of each object, from the same datasets.
+    printed: mean real-to-simulated distance that the thesis prints, metres, by object and stage.
     """
     named = {entry["name"]: float(entry["shapley_share"]) for entry in report["effects"] if entry["in_verdict"]}
     total = sum(max(share, 0.0) for share in named.values())

@@ -88,7 +88,7 @@ def _build_context(content: PageContent) -> dict[str, Any]:
 
 
 def describe_findings(summary: Summary) -> str:
-    """State the number of reproduced findings in one phrase: that of a single seed, or median and worst of several."""
+    """State the number of reproduced findings in one phrase; for several seeds, the median and the worst number."""
     counts = summary.reproduced
     if len(summary.seeds) == 1:
         return f"{counts.median:g} of {summary.counted} findings reproduced"
@@ -120,7 +120,7 @@ def describe_seeds(summary: Summary) -> str:
 
 
 def _format_spread(spread: Spread | None, seeds: int, unit: str = "") -> str:
-    """Format a number with the worst value in brackets; without it for a single seed; a dash for None (undefined)."""
+    """Format the median, followed by the worst value in brackets if there are several seeds; a dash for None."""
     if spread is None:
         return ABSENT
     text = f"{format_number(spread.median)}{unit}"
@@ -130,6 +130,9 @@ def _format_spread(spread: Spread | None, seeds: int, unit: str = "") -> str:
 def _skill_context(summary: Summary, group: str) -> dict[str, Any]:
     """Return the template variables for the skills of one group of tables: number of entries, and one text per
     statistic.
+
+    A skill is 1 for a perfect reproduction of the printed values, and 0 if the reproduced values are as good as one
+    constant for all printed values.
     """
     skills = summary.skills[summary.shown].groups
     entries = next(skill.entries for (name, _), skill in skills.items() if name == group)

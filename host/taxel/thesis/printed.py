@@ -52,6 +52,8 @@ INCONSISTENCIES: Final = (
 def get_printed_name(name: str) -> str:
     """Convert the dataset's name of an object to the printed name; a name that is not in the thesis is returned
     unchanged.
+
+    The first three letters are compared, for example of "cylinder" and "cylindrical".
     """
     return next((word for word in OBJECTS if name.lower().startswith(word[:3])), name)
 

@@ -36,7 +36,7 @@ def draw_treatment(results: Sequence[ObjectResult]) -> Any:
         )
     axis.set_xticks(range(len(steps)), labels, fontsize=9)
     axis.set_ylabel("points")
-    axis.axvline(2.5, color=EDGE, linewidth=0.8)
+    axis.axvline(2.5, color=EDGE, linewidth=0.8)  # between the real and the simulated clouds
     axis.legend(fontsize=8, frameon=False, ncols=3, loc="lower center", bbox_to_anchor=(0.5, 1.0))
     remove_frame(axis)
     return figure
@@ -143,7 +143,7 @@ def _draw_share_bars(axis: Any, bars: Sequence[tuple[str, Mapping[str, float], s
             width = max(value, 0.0)
             name = stage.replace("+ ", " + ") if number == 0 else None
             axis.barh(y, width, left=start, color=colour, alpha=alpha, label=name)
-            if width > 4.0:
+            if width > 4.0:  # a narrower bar has no space for the number
                 ink = text_colour if alpha == 1.0 else INK
                 axis.text(start + 0.5 * width, y, f"{value:.0f}", ha="center", va="center", fontsize=8, color=ink)
             start += width

@@ -66,7 +66,7 @@ def read_seed_result(folder: Path) -> SeedResult | None:
         )
     except (ValueError, KeyError, TypeError, AttributeError) as error:
         raise TaxelError(f"{path}: expected results of taxel thesis, found a damaged file; delete it") from error
-    expected = json.loads(json.dumps(describe_settings()))
+    expected = json.loads(json.dumps(describe_settings()))  # tuples become lists, as in the stored settings
     if result.settings != expected:
         names = [key for key in expected if result.settings.get(key) != expected[key]] or ["unknown settings"]
         raise TaxelError(

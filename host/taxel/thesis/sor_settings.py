@@ -54,7 +54,7 @@ def find_best_setting(result: ObjectResult) -> Setting:
 
 
 def _round(stats: DistanceStats) -> tuple[int, int, int]:
-    """Round mean, RMS and maximum to the printed resolution; return them as multiples of it."""
+    """Return mean, RMS and maximum as rounded multiples of the printed resolution."""
     values = (stats.mean_m, stats.rms_m, stats.max_m)
     mean, rms, largest = (round(value / PRINTED_RESOLUTION_M) for value in values)
     return mean, rms, largest

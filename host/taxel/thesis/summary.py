@@ -53,7 +53,7 @@ class FindingSummary:
         return "" if self.example is None else self.example.reason
 
     def to_json(self) -> dict[str, Any]:
-        """Convert to JSON values: those of the shown seed, with medians, numbers of seeds and outcome over all
+        """Convert to JSON values: the finding for the shown seed, and medians, numbers of seeds and outcome over all
         seeds.
         """
         return {

@@ -146,7 +146,10 @@ def _add_ratio(points: Mapping[str, float]) -> dict[str, float | None]:
 
 
 def _build_untreated(results: Sequence[ObjectResult]) -> Table:
-    """Build Table 5.3 of the thesis: distances of the untreated clouds to the CAD models."""
+    """Build Table 5.3 of the thesis: distances of the untreated clouds to the CAD models.
+
+    The first rows of Tables I-1 to I-3 and I-7 to I-9 contain the printed values of the untreated clouds.
+    """
     rows = []
     for result in results:
         force = select_rows("I_1_to_3_force_filter", result.printed_name)[0]

@@ -34,7 +34,8 @@ class ClearedTest:
 
         level: i64[P], level of each place. elapsed_s: seconds since the step before. The result is False for a step
         without information on the quantity and place of the alarm. Method: statistic of Shiryaev and Roberts (see
-        `detector.py`) of the usual value against the changed value; the fault has been removed at 1.
+        `detector.py`) of the usual value against the changed value. At a statistic of 1 or more, the fault counts as
+        removed.
         """
         quantity = QUANTITIES[self.hypothesis.quantity]
         if quantity.name not in estimates:

@@ -150,7 +150,8 @@ class Twin:
     def compute_baseline(self) -> FloatArray:
         """Return the raw count without contact at the newest time, f64[n], counts.
 
-        It is the mean of the current contact's baseline, or without one the tracked count, or that of the reference.
+        During a contact this is the mean count before the contact. Otherwise, and for a taxel without frames before the
+        contact, it is the tracked count, or the count of the reference if no count is tracked yet.
         """
         level = np.where(self.level.is_known, self.level.level, self.reference.rest)
         step = self._builder.current
@@ -221,8 +222,10 @@ class Twin:
         if step.contact is None or known is None:
             return np.zeros(len(places))
         _, factor = self.live.predict(step.contact.condition, known.mean, known.repeats)
+        # Relative variance of the first contact of a condition in a session, without an alarm before.
         usual = 1.0 + self.reference.session_ratio[HOLD].mean() + 1.0 / known.repeats
         members = places.members
+        # Mean over the taxels of each place; the differences of `indptr` are their numbers.
         mean = (members @ factor[HOLD].mean(axis=0)) / np.diff(members.indptr)
         return np.asarray(np.maximum(mean - usual, 0.0))
 
@@ -252,6 +255,7 @@ class Twin:
             onset_s, interval = step.start_s, (step.start_s, step.end_s)
             amplitude = hypothesis.amplitude
         else:
+            # The steps since a first estimate of the onset determine the place; the second estimate is for this place.
             first = self.history.estimate_onset(hypothesis, self.models, self._last_alarm_s)
             places = self.reference.places
             hypothesis = self.history.localise(hypothesis, self.models, places, first.time_s)

@@ -72,7 +72,10 @@ class ChangeDetector:
         return total
 
     def find_largest(self) -> Hypothesis:
-        """Return the hypothesis with the largest ratio of evidence to prior; of equal hypotheses, the first."""
+        """Return the hypothesis with the largest ratio of evidence to prior; of equal hypotheses, the first.
+
+        Its amplitude is NaN for an alternative without a fixed amplitude.
+        """
         best, found = -1.0, Hypothesis(0, 0, float("nan"))
         for number, quantity in enumerate(QUANTITIES):
             prior = self._prior[quantity.name]

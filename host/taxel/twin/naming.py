@@ -50,7 +50,11 @@ class CauseNaming:
         self._alarms = list(alarms)
 
     def add(self, contacts: Sequence[tuple[Contact, GraspRecord]]) -> list[Event]:
-        """Add complete contacts with their records; return the events of the diagnoses that have ended."""
+        """Add complete contacts with their records; return the events of the diagnoses that have ended.
+
+        Without an active alarm, no diagnosis is started. A live source starts a diagnosis in the background unless one
+        is running. A recording is diagnosed here for each number of contacts in `counts` that is newly reached.
+        """
         self._contacts += contacts
         del self._contacts[:-MOST_CONTACTS]
         events = self._collect()

@@ -134,10 +134,11 @@ def compute_log_ratios(
 ) -> FloatArray:
     """Compute the log likelihood ratio of each alternative of a quantity against no change, f64[P, G].
 
-    The G alternatives are the fixed amplitudes of the quantity, then those of `WIDE`. pair: estimate and information of
-    each of P places, f64[P] each; a place with too little information (`LEAST_POWER`) has the ratio 0. level: i64[P].
-    repeats: f64[P], number of statistics from which the variance of each place is known (see `variance_factors.py`);
-    they add to the degrees of freedom.
+    The G alternatives are the fixed amplitudes of the quantity, and then one change of unknown amplitude for each scale
+    in `WIDE`: the estimates have the distribution of the null model, widened by this factor. pair: estimate and
+    information of each of P places, f64[P] each; a place with too little information (`LEAST_POWER`) has the ratio 0.
+    level: i64[P]. repeats: f64[P], number of statistics from which the variance of each place is known (see
+    `variance_factors.py`); they add to the degrees of freedom.
     """
     estimate, information = pair
     result = np.zeros((len(estimate), count_alternatives(quantity)))

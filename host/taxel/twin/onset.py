@@ -107,6 +107,7 @@ class StepHistory:
         )
         # A change during a step may or may not be visible in this step: the onset lies between the end of the last
         # unchanged step and the end of the first changed step.
+        # The evidence of an onset at a step is the sum of the ratios of this step and all later steps.
         evidence = np.cumsum(ratio[::-1], axis=0)[::-1]
         before = np.concatenate([[max(since_s, starts[0])], ends[:-1]])
         log_posterior = np.logaddexp.reduce(evidence, axis=1) + np.log(np.maximum(ends - before, 1e-9))

@@ -114,6 +114,8 @@ class Reference:
         known = self.expect(step)
         if step.contact is None or known is None or known.repeats < 2:
             return self
+        # Without a value with the deviation d, the mean of K values changes by -d / (K - 1), and the sum of the squared
+        # deviations by -d^2 K / (K - 1).
         deviation = np.nan_to_num(compute_signals(step)) - known.mean
         others = known.repeats - 1
         others_only = ConditionReference(
@@ -162,8 +164,8 @@ def read_reference(path: str | PathLike[str]) -> Reference:
 
 
 def make_step(grasp: Grasp, taxel_board: IntArray, boards: int) -> Step:
-    """Sum the frames of one grasp of a dataset. taxel_board: i64[n], column of each taxel's board. boards: their
-    number.
+    """Sum the frames of one grasp of a dataset. taxel_board: i64[n], index of each taxel's board. boards: number of
+    boards.
     """
     contact = find_contact(grasp)
     builder = StepBuilder(ContactSchedule([contact]), taxel_board, boards)
@@ -206,6 +208,7 @@ def learn_reference(
     near = find_neighbours(taxels, sensors.index_of(taxels))
     pairs = np.sum([step.pairs for _, step in contacts], axis=0)
     squares = np.sum([step.squared_difference for _, step in contacts], axis=0)
+    # The difference of two frames has twice the noise variance of one frame.
     noise = squares / np.maximum(2 * pairs, 1) + ROUNDING
     counts = sum((step.count[REST] for _, step in contacts), np.zeros(taxels.n, np.int64))
     totals = sum((step.total[REST] for _, step in contacts), np.zeros(taxels.n, np.int64))
@@ -317,7 +320,7 @@ def find_neighbours(taxels: TaxelTable, board: IntArray) -> list[IntArray]:
         if len(members) < 2:
             continue
         tree = cKDTree(taxels.position[members])
-        nearest = np.asarray(tree.query(taxels.position[members], k=2)[0])
+        nearest = np.asarray(tree.query(taxels.position[members], k=2)[0])  # of each taxel: itself, and its neighbour
         pitch = float(np.median(nearest[:, 1]))
         around = tree.query_ball_point(taxels.position[members], NEIGHBOUR_PITCHES * pitch)
         for taxel, near in zip(members.tolist(), around, strict=True):
@@ -373,5 +376,6 @@ def _compute_session_ratio(conditions: Sequence[Sequence[tuple[int, FloatArray]]
         freedom_between += len(sessions) - 1
     if not freedom_within or not freedom_between:
         return np.zeros(BINS)
+    # The means of sessions with K contacts vary by 1 / K of the variance within sessions even without a difference.
     ratio = (between / freedom_between) / np.maximum(within / freedom_within, 1e-12) - float(np.mean(repeats))
     return np.asarray(np.maximum(ratio, 0.0))

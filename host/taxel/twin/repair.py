@@ -92,6 +92,7 @@ def _find_donors(masked: BoolArray, position: FloatArray, board: IntArray) -> cs
         intact = taxels[~masked[taxels]]
         if len(taxels) < 2 or not len(intact):
             continue
+        # The nearest taxel of each taxel is the taxel itself, the second nearest is an adjacent one.
         pitch = float(np.median(np.asarray(cKDTree(position[taxels]).query(position[taxels], k=2)[0])[:, 1]))
         tree = cKDTree(position[intact])
         for taxel in taxels[masked[taxels]].tolist():

@@ -50,6 +50,7 @@ class Contact:
         """Return the phase at a time; before the contact and after its end: the baseline phase."""
         if not self.start_s <= time_s < self.end_s:
             return Phase.BASELINE
+        # The number of phases that have started is the number of the present phase: closing is 1, recovery is 4.
         return Phase(bisect_right(self.times_s, time_s))
 
 

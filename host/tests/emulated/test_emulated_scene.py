@@ -66,3 +66,11 @@ def test_object_name_with_a_space_is_rejected_by_the_emulator(tmp_path):
     world = format_scene(load_hand("flat8"), EmulatedScene({"two words": OBJECTS["cylinder"]}))
     with pytest.raises(LinkError, match="object"):
         run_emulator(world, tmp_path / "skin.capture", 0.1)
+
+
+def test_distal_direction_along_the_normal_is_rejected_by_the_emulator(tmp_path):
+    hand = load_hand("flat8")
+    margin = f"margin 0x{hand.boards[0].address:02X} 0 0 0 0 0 1 0 0 1"  # position, normal, distal direction
+    world = f"{format_scene(hand, EmulatedScene(OBJECTS))}{margin}\n"
+    with pytest.raises(LinkError, match="distal direction that is not parallel to the normal"):
+        run_emulator(world, tmp_path / "skin.capture", 0.1)

@@ -204,7 +204,8 @@ def test_counts_of_the_exported_module_have_no_gap_above_the_floor(get_case, tmp
     rewrite_dataset(load_module(module), case.sim, out)
     again = diagnose(case.real, out, without=list_other_effects(name))
     gap = again.report["gap"]
-    # The module draws random numbers for a drift and for noise, so that the simulated mean varies as the real one does.
+    # The module adds random drift and noise, so the simulated mean varies, too; `varied2` is the squared gap that this
+    # variation alone causes. A gap of at most 1.2 times the root of floor^2 + varied2 counts as a gap at the floor.
     varied2 = BlockDensity(again.fit_data, DEFAULT_SETTINGS).compute_simulated_floor2()
     is_at_floor = gap["value"] ** 2 <= 1.2**2 * (gap["floor"] ** 2 + varied2)
     assert again.report["verdict"]["status"] == "no_gap" or is_at_floor
@@ -212,6 +213,7 @@ def test_counts_of_the_exported_module_have_no_gap_above_the_floor(get_case, tmp
 
 @pytest.mark.parametrize("name", PARTLY)
 def test_counts_of_the_exported_module_have_only_the_unexplained_gap(get_case, tmp_path, name):
+    """The gap with the counts of the module is at most 10 % larger than the held-out gap with the reported effects."""
     case = get_case(name)
     assert case.report["verdict"]["effects"] == [name, "unknown"]
     out, module = tmp_path / "sim2.h5", tmp_path / "skin.py"
@@ -267,6 +269,7 @@ TOLERANCE_COUNTS = {"pillars": 10.0, "depth": 10.0}
 
 @pytest.mark.parametrize("form", FORMS, ids=IDS)
 def test_exported_module_agrees_with_gap_apply(simulation, tmp_path, monkeypatch, form):
+    """The module and `taxel gap apply` add the same effect to the same grasps; the largest change exceeds 10 counts."""
     # The exported file has no meshes: the comparison uses an even load on each taxel.
     monkeypatch.setattr(ContactGeometry, "piece_shares", property(lambda self: {}))
     values = form.make_typical_values(simulation.state)
@@ -332,6 +335,9 @@ def test_frames_processed_one_by_one_agree_with_the_whole_recording(simulation, 
 
 
 def test_delay_before_the_simulator_is_exact_in_recordings_and_zero_in_streams(simulation, tmp_path):
+    """The first board precedes the simulator by 0.1 s. A recording contains the future frames that this delay needs; a
+    stream does not, so its counts remain unchanged.
+    """
     path = simulation.write_report(tmp_path, find_form("latency", "delay", "board"), np.array([[-0.1, 0.2]]))
     done = export_report(path, "python", tmp_path / "skin.py")
     assert "precedes" in done.approximated["latency"]
@@ -369,12 +375,14 @@ def test_noise_has_the_reported_covariance_and_follows_the_seed(simulation, tmp_
     np.testing.assert_array_equal(found, effects.apply_recording(time_s, baseline, seed=1))
     assert (found != effects.apply_recording(time_s, baseline, seed=2)).any()
     covariance = np.cov(found[:, [0, 1, COLUMNS, N - 1]].T) / 100.0  # one TX line, one RX line, the other board
+    # In 100 counts squared, a variance is 9 (white noise) + 16 (TX line) + 25 (board). Taxels on one TX line share
+    # 16 + 25, other taxels of one board share 25.
     expected = [[50.0, 41.0, 25.0, 0.0], [41.0, 50.0, 25.0, 0.0], [25.0, 25.0, 50.0, 0.0], [0.0, 0.0, 0.0, 50.0]]
     np.testing.assert_allclose(covariance, expected, atol=3.0)
 
 
 def test_dropout_loses_frames_and_keeps_dead_constant_and_connected_taxels(simulation, tmp_path):
-    stuck, dead = np.arange(N) == 7, np.isin(np.arange(N), (7, 35))
+    stuck, dead = np.arange(N) == 7, np.isin(np.arange(N), (7, 35))  # taxel 7 is stuck at a constant count
     missing = np.array([0.25, 0.0])  # share of the frames of each board
     short = Short(address=0x20, axis="rx", index=0, share=0.5)
     defects = Defects(single_taxels=dead, lines=(), missing=missing, dead=dead, stuck=stuck, shorts=(short,))
@@ -394,6 +402,7 @@ def test_dropout_loses_frames_and_keeps_dead_constant_and_connected_taxels(simul
     assert effects.valid_frames[:, 1].all()
     arrived = effects.valid_frames[:, 0]
     assert len(np.unique(found[arrived, 7])) == 1
+    # A lost frame repeats the counts of the frame before.
     lost = np.flatnonzero(~arrived[1:]) + 1
     np.testing.assert_array_equal(found[lost, BOARD], found[lost - 1, BOARD])
     np.testing.assert_allclose(found[:, N // 2 :], expected[:, N // 2 :], atol=1.0)
@@ -478,6 +487,7 @@ def test_mjcf_has_the_noise_and_the_cutoff_as_forces(simulation, tmp_path):
     path = simulation.write_report(tmp_path, find_form(name, variant), values)
     export_report(path, "mujoco", tmp_path / "clip.xml")
     cutoff = compile_mjcf((tmp_path / "clip.xml").read_text()).sensor_cutoff
+    # CLIP limits the signal to 450 counts: the cutoff is the force that causes this signal.
     np.testing.assert_allclose(MODEL["full"] * cutoff / (cutoff + MODEL["half"]), 450.0, rtol=1e-6)
     assert load_module(tmp_path / "clip.py").SkinEffects().parameters["steps"] == []
 
@@ -557,6 +567,7 @@ def test_isaac_configuration_has_the_diagnosed_numbers(simulation, tmp_path, isa
     assert (bias.mean, bias.std, bias.operation) == (20.0, 6.0, "abs")  # a drift from 0 to 40 counts has the mean 20
     path = simulation.write_report(tmp_path, find_form("latency", "delay", "board"), np.array([[0.05, 0.0]]))
     export_report(path, "isaac", tmp_path / "delay.py", step_s=0.02)
+    # A delay of 0.05 s is 2.5 steps of 0.02 s: the mean of the values two and three steps before.
     np.testing.assert_allclose(load_module(tmp_path / "delay.py").MODIFIERS[32][0].B, [0.0, 0.0, 0.5, 0.5])
     path = simulation.write_report(tmp_path, find_form("stiffness", ""), np.array([[0.7]]))
     assert "acts on forces" in export_report(path, "isaac", tmp_path / "force.py").not_expressed["stiffness"]
@@ -583,6 +594,7 @@ def test_genesis_options_have_the_diagnosed_numbers(simulation, tmp_path):
     options, done = read_genesis(
         simulation, tmp_path, form, form.make_start_values(simulation.state), parameters=noise_counts
     )
+    # Two components of the noise, 30 and 40 counts, add up to 50 counts, expressed as a force.
     assert options["noise"] == pytest.approx(50.0 * MODEL["half"] / MODEL["full"])
     assert "correlation" in done.approximated["noise"]
     options, _ = read_genesis(simulation, tmp_path, find_form("baseline_drift", ""), np.array([[40.0], [0.0]]))
@@ -602,11 +614,13 @@ def test_genesis_options_have_the_diagnosed_numbers(simulation, tmp_path):
 def test_genesis_kernel_reproduces_the_crosstalk_of_lines(simulation, tmp_path):
     options, _ = read_genesis(simulation, tmp_path, find_form("electrode_crosstalk", "lines"), np.array([[0.3], [0.2]]))
     force = np.random.default_rng(5).uniform(0.0, 0.01, (ROWS, COLUMNS))
+    # The kernel reaches from each taxel over the whole board, so the forces beyond the board are padded with zeros.
     wide = np.pad(force, ((ROWS - 1,) * 2, (COLUMNS - 1,) * 2))
     kernel = np.array(options["crosstalk_kernel"])
     windows = np.lib.stride_tricks.sliding_window_view(wide, kernel.shape)
     found = (windows * kernel).sum(axis=(2, 3))
     rx_line, tx_line = (force.sum(axis=axis, keepdims=True) - force for axis in (0, 1))
+    # A taxel gains 0.3 times the mean of the other taxels on its TX line, and 0.2 times that mean of its RX line.
     expected = force + 0.3 * tx_line / (COLUMNS - 1) + 0.2 * rx_line / (ROWS - 1)
     np.testing.assert_allclose(found, expected, rtol=1e-6)
 

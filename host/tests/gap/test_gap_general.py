@@ -178,7 +178,7 @@ def test_without_positions_a_spread_is_unavailable(pair, tmp_path):
 
 
 def test_frames_at_the_edge_of_two_nodes_do_not_depend_on_rounding_of_times(pair, tmp_path):
-    """Times with another origin give the same features."""
+    """Times with another origin are rounded differently, but the mean signals in the time nodes remain the same."""
 
     def shift(contact):
         return replace(contact, time=contact.time - 1234.5678 + 7e4 * contact.session)

@@ -32,13 +32,14 @@ def move_object(x_m: float, z_m: float = 0.0) -> np.ndarray:
 
 
 def test_lateral_holding_force_of_an_object_is_distributed_over_two_inclined_boards():
+    """Both boards push upwards at 45 degrees, one to the right, one to the left; SLOPE is the cosine of 45 degrees."""
     holding_stiffness = 3000.0
     force_changes = compute_load_shifts([LEFT_PUSH, RIGHT_PUSH], [move_object(0.001)] * 2, [holding_stiffness] * 2)
     # The object moves to the right: the right board pushes back with the force of the holding stiffness.
     assert force_changes[RIGHT_CONTACT] > 0 > force_changes[LEFT_CONTACT]
     lateral_force = SLOPE * (FORCE_N + force_changes[LEFT_CONTACT]) - SLOPE * (FORCE_N + force_changes[RIGHT_CONTACT])
     assert lateral_force == pytest.approx(-holding_stiffness * 0.001)
-    # The force along the contact direction is unchanged.
+    # The upward force, SLOPE times the sum of both contact forces, is unchanged.
     assert force_changes[LEFT_CONTACT] + force_changes[RIGHT_CONTACT] == pytest.approx(0.0, abs=1e-12)
 
 

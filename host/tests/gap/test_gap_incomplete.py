@@ -32,6 +32,7 @@ def make_fit_data(paths) -> FitData:
     ids=["some", "an object each", "a condition each"],
 )
 def test_conditions_missing_in_sessions_do_not_change_the_excess(write_world, tmp_path, is_absent):
+    """The excess (squared gap minus squared floor) agrees within 10 % with the excess of complete sessions."""
     complete = make_fit_data(write_world(tmp_path, sessions=6, effect=clip_signal))
     (tmp_path / "part").mkdir()
     incomplete = make_fit_data(write_world(tmp_path / "part", sessions=6, effect=clip_signal, is_absent=is_absent))
@@ -47,6 +48,8 @@ def test_a_cause_is_found_with_conditions_missing_in_every_session(write_world, 
     )
     report = diagnose(*paths).report
     assert report["verdict"]["effects"][0] == "saturation"
+    # Relative reductions of the gap and of the excess (squared gap minus squared floor). The reduction of the excess is
+    # above 1 if the remaining gap is below the floor.
     assert 0.8 < report["after"]["shrink"] <= 1.0
     assert report["after"]["reducible_shrink"] <= 1.1
 
@@ -54,5 +57,6 @@ def test_a_cause_is_found_with_conditions_missing_in_every_session(write_world, 
 def test_two_sessions_give_no_certain_verdict(write_world, tmp_path):
     verdict = diagnose(*write_world(tmp_path, sessions=2, repeats=3, effect=clip_signal)).report["verdict"]
     assert verdict["status"] in ("unknown", "partly_explained")
+    # Element 1 of the list is the first reason.
     assert "too few sessions for a verdict: 2 recorded, needs 3" in [verdict["one_line"], *verdict["reasons"]][1]
     assert verdict["probabilities"]["saturation"] == max(verdict["probabilities"].values())

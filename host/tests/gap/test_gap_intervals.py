@@ -25,6 +25,10 @@ def sample_interval(rng, n_samples, error):
     [(1.0, 0.0, 0.0), (0.3, 1.0, 0.0), (1.0, 1.0, 0.0), (1.0, 0.3, 1.0), (1.0, 1.0, 3.0)],
 )
 def test_combined_confidence_intervals_have_their_nominal_coverage(session_error, contact_error, bias_std):
+    """The true value is 0. The estimate has errors of 4 sessions and of 16 contacts, and a bias.
+
+    `combine_errors` includes the bias through its standard deviation, `bias_std`.
+    """
     rng = np.random.default_rng(5)
     n_covered = 0
     for _ in range(N_INTERVALS):

@@ -20,6 +20,7 @@ def clip_signal(force, signal_counts):
 
 
 def test_a_clear_effect_is_found_in_every_leave_one_session_out_search(write_world, tmp_path):
+    """`chosen_inside` lists the effects that each of the four searches selects; each search leaves out one session."""
     files = write_world(tmp_path, effect=clip_signal, sessions=4, largest_force_n=3.0)
     without = set(OWN_EFFECTS) - {"saturation", "stiffness", "noise"}  # the complete catalogue would take long
     nested, plain = (diagnose(*files, without, nested=is_nested).report for is_nested in (True, False))

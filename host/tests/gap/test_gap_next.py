@@ -129,6 +129,7 @@ def test_separation_and_variances_after_a_new_grasp_equal_a_fit_to_all_grasps(sm
     )
     weight = ContactVariance.estimate(fit_data).compute_weight(batch.state.mean, prediction.features)
     old_difference, new_difference = other.features - found.features, rival_prediction.features - prediction.features
+    # The new grasp repeats contact 2 of the batch. The design matrix has one column for each block of a parameter.
     contact = 2
     columns = []
     for column, new_column in zip(other.columns, rival_prediction.columns, strict=True):
@@ -164,6 +165,7 @@ def test_without_confounded_effects_grasps_are_ranked_by_interval_reduction(writ
     assert "standard error" in first.reason
     assert first.contact.closing_scale < 1.0
     assert not any(" by 0 %" in one.reason or not one.reason for one in found.contacts)
+    # A fast closing shows a latency better than a closing that is four times slower (`closing_scale` 4).
     gains = {
         (one.contact.approach, one.contact.closing_scale): one.gain
         for one in found.contacts
@@ -201,6 +203,7 @@ def test_simulated_approaches_are_ranked_together_with_recorded_approaches(small
     assert len(state.pair.conditions) == 6
     found = rank_next_contacts(make_confounded_findings(fit_data), [state])
     assert not found.contacts[0].contact.is_recorded
+    # The simulated conditions 3 to 5 have 20 times the force of the conditions 0 to 2.
     assert found.contacts[0].contact.approach in ("hard_press_3", "hard_press_4", "hard_press_5")
     assert "not yet recorded" in found.contacts[0].contact.description
 

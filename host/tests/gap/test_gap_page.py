@@ -371,13 +371,16 @@ def test_the_page_contains_the_figures_of_the_report(allegro_report: Report) -> 
 
 
 def test_the_page_shows_no_gap_and_no_shrink_other_than_those_of_held_out_sessions(allegro_report: Report) -> None:
-    """The predicted shrink (63 %), that of the excess (88 %), those of single effects and other gaps are not shown."""
+    """The page has no predicted shrink (63 %), no shrink of the excess (88 %), and no shrink of a single effect.
+
+    The gap of all sessions, its interval and its floor (1,370 to 1,373 counts) are not on the page either.
+    """
     report = copy.deepcopy(allegro_report)
     report["gap"] |= {"value": 1371.0, "ci95": [1370.0, 1372.0], "floor": 1373.0}
     text = extract_text(page_text(report))
     for other in ("1,371", "1,370", "1,373", "63 %", "88 %", "52 %", "49 %"):
         assert other not in text
-    assert "5.59 counts" in text  # predicted gap after
+    assert "5.59 counts" in text  # the gap predicted after the effects: 63 % below 15.1 counts
 
 
 def test_the_page_contains_parameters_locations_counts_and_inputs(allegro_report: Report) -> None:

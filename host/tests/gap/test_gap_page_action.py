@@ -190,6 +190,7 @@ def test_no_parameter_of_the_catalogue_is_shown_at_its_neutral_value(name: str) 
 
 @pytest.mark.parametrize(("value", "is_shown"), [(1.0, False), (1.004, False), (1.01, True), (0.5, True)])
 def test_a_parameter_is_shown_from_the_second_decimal_of_its_difference(value: float, is_shown: bool) -> None:
+    """A difference below 0.005 rounds to 0.00. The scale replaces its logarithm `log_gain`, which is not shown."""
     report = make_report("explained", "gain_mismatch")
     entry = {"value": value, "ci95": None, "unit": "1", "neutral": 1.0}
     report["effects"][0]["parameters"] = {"scale@32": entry, "log_gain@32": {**entry, "neutral": 0.0}}

@@ -93,6 +93,7 @@ def test_boards_with_a_layout_are_drawn_by_it() -> None:
 
 
 def test_a_kind_with_other_lines_than_the_packaged_one_is_drawn_by_its_lines() -> None:
+    """The palm of the Allegro hand has other lines than the palm of the original hand, whose places are packaged."""
     report = make_report("allegro")
     report["sensors"][0]["kind"] = "palm"
     board = next(board for board in list_boards(CheckedReport(report)) if board.name == "palm")
@@ -106,6 +107,7 @@ def test_the_arrows_of_a_line_point_at_all_its_rows_or_columns(axis: str, index:
     report["where"]["lines"] = [{"address": address, "axis": axis, "index": index, "share": 1.0, "p_value": 0.001}]
     kind = load_hand("original").get_board(address).kind
     is_on_line = (kind.tx if axis == "tx" else kind.rx) == index
+    # Arrows point at the rows or at the columns of the line, whichever are fewer.
     expected = min(len(set(places[is_on_line].tolist())) for places in (kind.row, kind.column))
     assert unrolled_svg(report).count('class="arrow"') == expected
 
@@ -167,7 +169,9 @@ def test_a_long_name_is_shortened_and_escaped() -> None:
 
 
 def test_the_colour_is_linear_in_the_root_of_the_excess_on_a_common_scale() -> None:
-    """A quarter of the largest excess has the middle of the colours q0, q1 ... The scale spans both pictures."""
+    """A quarter of the largest excess has half of the largest root, so it gets the middle colour. The pictures before
+    and after have one scale.
+    """
     report = make_report("rig4")
     report["taxel_excess"]["before"][1] = LARGEST / 4
     before, after = list_classes(unrolled_svg(report, "before")), list_classes(unrolled_svg(report, "after"))
@@ -179,6 +183,7 @@ def test_the_colour_is_linear_in_the_root_of_the_excess_on_a_common_scale() -> N
 
 def test_the_scale_ends_at_three_floors_or_above() -> None:
     noise = ([1.0, 0.0], [0.5, 0.0])
+    # The root of the largest excess, 1 count, is below three floors.
     assert compute_top(noise, FLOOR) == 3 * FLOOR
     assert select_step(1.0, compute_top(noise, FLOOR)) <= 2
     assert compute_top(([-1.0], [-2.0]), 0.0) > 0.0
@@ -191,7 +196,7 @@ def test_a_taxel_without_data_is_empty() -> None:
 
 
 def test_boards_and_lines_with_a_small_p_are_marked_before() -> None:
-    """They are marked in the picture of the gap before the effects are added, not in the picture after that."""
+    """The marks are in the picture before the effects are added, not in the picture with the effects."""
     report = make_report("rig4")
     address = report["sensors"][1]["address"]
     report["where"]["sensors"] = [
@@ -209,7 +214,7 @@ def test_boards_and_lines_with_a_small_p_are_marked_before() -> None:
 
 
 def test_unexplained_locations_are_marked_after() -> None:
-    """They are marked in the picture of the gap after the effects are added, if its remainder is significant."""
+    """The marks are in the picture with the effects, and only if the unexplained remainder is significant."""
     report = make_report("rig4")
     address = report["sensors"][2]["address"]
     locations = [{"address": address, "axis": "rx", "index": 1}, {"address": address}, "somewhere"]

@@ -50,7 +50,7 @@ def test_work_is_shared_by_two_processes(state):
 
 
 def test_nested_work_runs_in_the_calling_process(state):
-    """Both cores are in use by the outer work; work after it is shared again."""
+    """The outer work already uses both processes. After the outer work, new work is shared by two processes again."""
     inner = map_in_processes(state, lambda item: len(set(map_in_processes(state, lambda _: os.getpid(), ITEMS))), ITEMS)
     assert set(inner) == {1}
     assert len(set(map_in_processes(state, lambda item: (time.sleep(0.02), os.getpid())[1], ITEMS))) == 2
@@ -95,6 +95,7 @@ def test_work_of_a_killed_process_is_repeated(state):
 def test_partially_received_results_of_a_killed_process_are_recomputed(state, monkeypatch):
     here, real = os.getpid(), parallel._HEADER
 
+    # The worker process exits before it sends the result of an item above 9.
     class FailingHeader:
         size = real.size
         unpack = staticmethod(real.unpack)

@@ -55,6 +55,7 @@ def round_times(number, grasp):
     ],
 )
 def test_datasets_without_information_are_refused_in_one_line(write_world, tmp_path, side, change, words):
+    """side: dataset with the fault, 0: real, 1: simulated."""
     paths = write_world(tmp_path, conditions=3, sessions=3)
     change_grasps(paths[side], change)
     with pytest.raises(GapInputError, match=words) as caught:

@@ -42,7 +42,10 @@ def test_share_is_1_minus_the_negative_correlation_of_both_repeats(layout, oppos
 
 
 def test_share_of_one_family_does_not_depend_on_the_others(layout):
-    """Repeats of a pair deviate in opposite directions (share 0), except in the onset features (share 1)."""
+    """The share is the variance of the mean estimated from pairs of repeats, relative to its estimate from single ones.
+
+    Repeats of a pair deviate in opposite directions (share 0), except in the onset features (share 1).
+    """
     features = make_features(layout, 1.0)
     features[:, layout.onset] = make_features(layout, 0.0)[:, layout.onset]
     shares = dict(zip(("signal", "noise", "missing", "onset", "drift"), estimate(features, layout), strict=True))
@@ -51,7 +54,10 @@ def test_share_of_one_family_does_not_depend_on_the_others(layout):
 
 
 def test_repeats_without_a_partner_are_omitted(layout):
-    """The repeats 2 k and 2 k + 1 deviate in opposite directions, so the share is 0; repeat 2 has no partner 3."""
+    """The repeats 2 k and 2 k + 1 deviate in opposite directions, so their mean does not vary: the variance share is 0.
+
+    Repeat 2 has no partner, because repeat 3 is omitted.
+    """
     features = make_features(layout, 1.0)
     condition, iteration = np.repeat(np.arange(CONDITIONS), REPEATS), np.tile(np.arange(REPEATS), CONDITIONS)
     kept = iteration != 3  # for example a faulty grasp

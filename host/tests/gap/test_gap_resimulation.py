@@ -41,6 +41,10 @@ def test_the_measured_gap_of_a_simulation_is_stated_and_the_dataset_is_reused(co
 
 
 def test_simulations_decide_between_the_simulated_sets_and_leave_their_common_level(comparison):
+    """A set whose simulation equals the real data gets a larger weight than a set whose simulation improves nothing.
+
+    The sum of the held-out log densities of both sets remains the same.
+    """
     keys = sorted(comparison.weights, key=lambda key: -comparison.weights[key])[:2]
     fit_data = comparison.fit_data
     perfect, useless = np.nan_to_num(fit_data.target), fit_data.state.mean

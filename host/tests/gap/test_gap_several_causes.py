@@ -53,7 +53,8 @@ def test_two_causes_and_strong_noise_are_all_reported(write_world, tmp_path, rep
     verdict = diagnosis.report["verdict"]
     noise_effects = {"noise", "baseline_drift"}  # slow noise changes the means of a grasp, too
     assert set(verdict["effects"]) - noise_effects - {"unknown"} == {"contact_propagation", "saturation"}
-    # The noise alone produces about half a floor, the limit of a cause, because it raises the floor as well.
+    # `size`: gap that an effect alone produces, divided by the floor. Noise raises the floor, too, so its size is only
+    # about 0.5, the smallest size of a cause.
     assert {name: diagnosis.comparison.effects[name].size for name in noise_effects} == pytest.approx(
         dict.fromkeys(noise_effects, 0.5), abs=0.3
     )

@@ -183,6 +183,7 @@ def test_latency_of_a_board_is_reported_in_seconds_with_the_board(describe_world
 
     found = describe_world(effect=delay_second_board, sessions=4, repeats=1)
     assert get_entry(found, "lag")["share"] > 0.5
+    # Three frames at 20 Hz are 0.15 s.
     assert "the signal of the hand is 0.1" in found["signature"]
     assert "s later, on b" in found["signature"]
     assert [one["address"] for one in found["where"]] == [0x21]
@@ -232,6 +233,7 @@ def test_a_noisy_board_is_reported_with_its_location(undistorted):
 
 def test_lost_frames_are_reported_as_missing(undistorted):
     value = undistorted.real.value.copy()
+    # This feature is the share of missing frames times COUNTS_MISSING.
     value[:, :, undistorted.layout.missing, N // 2 :] += 0.3 * COUNTS_MISSING
     found = undistorted.describe(real=replace(undistorted.real, value=value))
     assert get_first_name(found) == "missing"

@@ -186,6 +186,7 @@ def test_the_outlier_filter_agrees_with_a_point_by_point_computation():
     cloud = np.repeat(places, int(GRASPS_PER_APPROACH), axis=0)  # a taxel that is active in every grasp
     apart = np.sort(np.linalg.norm(cloud[:, None] - cloud, axis=2), axis=1)[:, 1:]
     for n_neighbours in (20, 700):
+        # The point itself is one of the neighbours, at the distance 0, which `apart` omits.
         mean = apart[:, : n_neighbours - 1].mean(axis=1)
         expected = (mean > mean.mean() + mean.std())[:: int(GRASPS_PER_APPROACH)]
         found = find_outliers(places, np.ones(80), OutlierFilter(n_neighbours, 1.0))

@@ -155,6 +155,7 @@ def test_the_separation_of_an_inner_point_is_negative():
     assert BOX.ray_separation([0, 0, 0.07], EAST) == pytest.approx(-0.045)
     assert CYLINDER.ray_separation([0, 0, 0.07], EAST) == pytest.approx(-0.03)
     assert CYLINDER.ray_separation([0, 0, 0.07], UP) == pytest.approx(-0.07)
+    # The nearest faces of the box are 0.0275 m away: half of its smallest size, 0.055 m.
     assert BOX.signed_distance([0, 0, 0.07]) == pytest.approx(-0.0275)
 
 

@@ -130,6 +130,7 @@ def test_angles_are_whole_encoder_counts(pair: Pair) -> None:
 
 
 def test_full_pwm_gives_the_largest_torque() -> None:
+    """Full PWM (a command of 1.0) is 0.5 N m here, so a command of -0.5 gives -0.25 N m. Motors that are off give 0."""
     torques: list[NDArray[np.float64]] = []
 
     class Recorder(FreeJoints):
@@ -205,6 +206,7 @@ def test_config_changes_the_device_id(pair: Pair) -> None:
 
 def test_malformed_and_unexpected_frames_are_counted(pair: Pair) -> None:
     virtual, host = pair
+    # Ignored: a torque command of 3 bytes, and a message that only a hand sends. 0x7FF is no identifier of this hand.
     host.send(can.Message(arbitration_id=0x60 << 2, data=bytes(3), is_extended_id=False))
     host.send(can.Message(arbitration_id=0x7FF, data=bytes(3), is_extended_id=False))
     send(host, Imu((0, 0, 0)))

@@ -80,6 +80,7 @@ def test_a_motion_is_asynchronous_with_the_requested_speed_and_acceleration(cont
     with Ur5eArm(HOST, acceleration_rad_s2=0.5) as arm:
         np.testing.assert_array_equal(arm.read_joint_angles(), [0.1] * 6)
         arm.move_joints(np.zeros(6), 0.25)
+    # The last argument of moveJ, True, selects an asynchronous motion. In the end both RTDE interfaces disconnect.
     assert controller.calls[0] == ("moveJ", [0.0] * 6, 0.25, 0.5, True)
     assert [call[0] for call in controller.calls[1:]] == ["stopJ", "stopScript", "disconnect", "disconnect"]
 

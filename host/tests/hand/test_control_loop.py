@@ -64,6 +64,7 @@ def test_a_late_tick_does_not_shift_later_ticks() -> None:
 def test_a_period_is_missed_if_its_tick_would_start_after_the_next_deadline(
     work_s: float, next_period: int, missed: int
 ) -> None:
+    """The period is 0.25 s. After work of 0.4375 s, tick 1 is late, but starts before the deadline of tick 2."""
     time = FakeTime()
     loop = make_loop(time)
     loop.wait()
@@ -85,6 +86,7 @@ def test_missed_periods_count_towards_the_length_of_a_run() -> None:
             time.now_s += 0.8
 
     statistics = make_loop(time).run(tick, 8)
+    # The work of period 2 ends 0.8 s after 0.5 s, in period 5: the periods 3 and 4 are missed.
     assert ticks == [0, 1, 2, 5, 6, 7]
     assert (statistics.periods, statistics.missed) == (6, 2)
 

@@ -100,7 +100,8 @@ def test_tx_decreases_to_the_distal_end_and_rx_to_the_left(kind: str) -> None:
     )
     lateral = [sheet.position[taxel] - sheet.position[neighbour] for taxel, neighbour in find_pairs(KINDS[kind], 0, 1)]
     normals = [sheet.normal[taxel] + sheet.normal[neighbour] for taxel, neighbour in find_pairs(KINDS[kind], 0, 1)]
-    # x distal, y left and the normal are right-handed everywhere, also on the flanks.
+    # A step to the left (y) times the normal (z) points in the distal direction (x) everywhere, also on the flanks. The
+    # einsum selects the x component of each cross product.
     np.testing.assert_array_less(0.0, np.einsum("ij,ij->i", np.cross(lateral, normals), np.eye(3)[[0] * len(lateral)]))
 
 
@@ -126,6 +127,7 @@ def test_neighbours_on_a_line_are_one_pitch_apart_where_the_sheet_is_flat(kind: 
 
 def test_a_fingertip_is_a_dome_on_a_cylinder() -> None:
     sheet = get_surface("fingertip")
+    # TX 0 to 6 are on the dome, whose centre is the origin; the axis of the cylinder is x.
     is_on_dome = KINDS["fingertip"].tx < 7
     np.testing.assert_allclose(
         sheet.position[is_on_dome], TIP_RADIUS_M * sheet.normal[is_on_dome], rtol=0, atol=ROUNDING_M
@@ -149,6 +151,7 @@ def test_taxels_on_the_middle_line_of_a_fingertip_are_one_pitch_apart_from_nail_
     nail, rows = sheet.normal[middle_line[0]], sheet.normal[middle_line]
     assert nail[2] < -0.3  # the normal at the nail faces the back of the finger
     assert rows[:, 0].max() > 0.99  # the normal at the apex points along the finger
+    # The last taxel lies on the straight part, where the normal is z.
     assert rows[-1, 2] == 1.0
 
 

@@ -277,6 +277,7 @@ def test_the_hinge_of_flat8_lifts_its_distal_edge() -> None:
     kinematics = build_kinematics(hand)
     lowered, raised = kinematics.compute_taxel_positions([[0.0], [np.pi / 2]])
     np.testing.assert_allclose(lowered, hand.position + np.array([0.0, 0.0, 0.1]), rtol=0, atol=TOLERANCE)
+    # The hinge is 0.1 m above the origin. A quarter turn maps x to z and z to -x.
     x, y, z = hand.position.T
     np.testing.assert_allclose(raised, np.column_stack([-z, y, x + 0.1]), rtol=0, atol=TOLERANCE)
 

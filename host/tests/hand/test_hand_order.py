@@ -43,6 +43,7 @@ def test_the_bitmap_has_bit_tx_times_rx_count_plus_rx_least_significant_first() 
 
 @given(crossing_arrays())
 def test_the_bitmap_contains_exactly_the_crossings_with_taxels(crossings: NDArray[np.bool_]) -> None:
+    """Bit number tx * rx_count + rx, counted from the least significant bit of the first byte, is set for a taxel."""
     bitmap = BoardKind("any", 1, crossings).crossing_bitmap()
     tx_count, rx_count = crossings.shape
     assert len(bitmap) == 32

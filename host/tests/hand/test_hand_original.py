@@ -115,5 +115,6 @@ def test_the_sheet_covers_taxels_strips_and_margin() -> None:
     np.testing.assert_allclose(np.sum(sheet.normal * sheet.distal, axis=1), 0.0, atol=2e-3)
     assert sheet.size.min() > 2e-4  # sides of the squares, metres
     assert sheet.size.max() < 0.012
+    # A division of each square into 3 x 3 pieces keeps the total area.
     divided = build_sheet(HAND, 3)
     np.testing.assert_allclose(divided.area_share.sum(), sheet.area_share.sum(), rtol=1e-12)

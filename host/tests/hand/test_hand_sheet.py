@@ -105,7 +105,9 @@ def test_squares_of_the_margin_do_not_overlap_other_squares(kind: str) -> None:
 
 @pytest.mark.parametrize("kind", [*WRAPPED, "fingertip"])
 def test_the_margin_of_a_bent_board_is_about_one_pitch_away(kind: str) -> None:
-    """Distances are chords of the arc, and means where two neighbours extrapolate differently."""
+    """A distance is the chord of an arc, so it differs from the pitch. Where two neighbours extrapolate a square of the
+    margin to different places, the square lies at their mean.
+    """
     distance = compute_taxel_distances_m(KINDS[kind])
     assert 0.6 * PITCH_M < distance.min() <= distance.max() < 1.3 * PITCH_M
     assert np.median(distance) == pytest.approx(PITCH_M, rel=0.05)
@@ -117,6 +119,7 @@ def test_the_margin_of_a_cylindrical_board_continues_the_cylinder(radii: tuple[f
     position, normal, distal = get_margin(kind)
     axis = 0 if np.isfinite(radii[0]) else 1
     radius = radii[axis]
+    # A board of 4 x 5 taxels has a margin of one square at both ends of each of its 4 + 5 lines.
     assert len(position) == 2 * (4 + 5)
     # Normals point away from the axis of the cylinder, and the arc to the next taxel is one pitch.
     np.testing.assert_allclose(position[:, [axis, 2]], radius * normal[:, [axis, 2]] - [0.0, radius], atol=2e-4)
@@ -171,6 +174,7 @@ def test_pieces_divide_a_flat_square_evenly_and_keep_its_centre(parts: int) -> N
     piece = {name: getattr(divided, name).reshape(undivided.n_taxels, parts**2, 3)[is_flat] for name in square}
     np.testing.assert_allclose(piece["position"].mean(axis=1), square["position"], atol=1e-9)
     offset = piece["position"] - square["position"][:, None]
+    # Distances of the pieces' centres from the centre of the square, along one side.
     expected = HAND.pitch_m * ((np.arange(parts) + 0.5) / parts - 0.5)
     for side in (square["distal"], np.cross(square["normal"], square["distal"])):
         along = np.sort(np.einsum("npi,ni->np", offset, side), axis=1)

@@ -60,6 +60,7 @@ def test_bytes_and_header_are_read_back_and_each_chunk_has_the_arrival_time_of_i
     assert link.header == header
     assert b"".join(chunk.data for chunk in chunks) == data
     assert max(len(chunk.data) for chunk in chunks) <= PIECE_MAX
+    # A chunk ends with exactly one delimiter and has the time of the `write` call that contains this last byte.
     end = 0
     for chunk in chunks[:100]:
         end += len(chunk.data)
@@ -163,6 +164,7 @@ def test_a_comment_that_wireshark_adds_does_not_belong_to_the_header(tmp_path, l
     # Wireshark appends its comment to the comments of the header, and replaces the name of the program (option 4).
     data = (tmp_path / "x.pcapng").read_bytes()
     size = struct.unpack_from("<I", data, 4)[0]
+    # The content of the first block, without its type and length (8 bytes) and its repeated length (4 bytes).
     section = data[8 : size - 4].replace(make_option(4, b"taxel") + make_option(0, b""), b"")
     section += make_option(1, b"a comment of the user") + make_option(4, b"Wireshark") + make_option(0, b"")
     (tmp_path / "y.pcapng").write_bytes(make_block(0x0A0D0D0A, section) + data[size:])

@@ -27,6 +27,7 @@ def test_touch_between_two_readings_is_reported_in_the_next_reading_only(fake_sk
 def test_signal_equal_to_the_threshold_is_not_active(fake_skin):
     skin = fake_skin()
     skin.pass_time(1.0)
+    # The threshold is 150 counts.
     skin.raw[3] -= 150
     skin.raw[4] -= 151
     skin.pass_time(0.1)

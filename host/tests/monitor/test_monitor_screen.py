@@ -150,6 +150,7 @@ def test_colour_steps_change_from_inactive_to_active_above_the_threshold_and_end
 
 
 def test_end_of_the_colour_scale_rises_immediately_and_falls_after_ten_seconds():
+    """The end is rounded up to 1, 1.5, 2, 3, 5 or 7 times a power of ten, so 1200 counts have the end 1500."""
     scale = ColourScale(threshold=150.0, hold_s=10.0)
     assert scale.update(20.0, now_s=0.0) == 300.0  # the smallest end: two thresholds
     assert scale.update(1200.0, now_s=1.0) == 1500.0

@@ -166,8 +166,8 @@ def test_pause_of_the_hub_is_not_counted_as_a_loss() -> None:
 def test_random_damage_loses_no_undamaged_message_and_shifts_no_cycle(seed: int, share: float) -> None:
     """Bytes are changed, dropped and inserted, but every undamaged message arrives in its cycle.
 
-    A few damaged messages are accepted as messages of another board, so the loss counters differ from the truth by
-    them.
+    A few damaged messages are accepted as messages of another board, so the loss counters differ slightly from the
+    true losses.
     """
     print(f"seed {seed}")
     sent = synthesise_messages(400, seed)

@@ -66,7 +66,7 @@ def test_an_object_above_the_table_stands_on_a_stand(setup):
 
 
 def test_no_posture_without_collision_overlaps_by_the_independent_check(clearances, independent, setup):
-    """The planner's boards are slightly wider, so that the converse does not hold for every posture."""
+    """The boards of the planner are slightly wider, so the planner rejects a few postures without an overlap, too."""
     postures = sample_postures(setup, 150)
     zero = np.zeros(len(clearances.all_pairs))
     is_free = np.array([clearances.find_collision(angles, zero) is None for angles in postures])

@@ -294,6 +294,7 @@ def test_file_contains_the_completed_grasps_after_every_single_write(tmp_path, m
         copy.write_bytes(state)
         count = check_first_grasps(copy, last=1)
         assert count >= previous
+        # A grasp is in the file in every state after the return of its `add`.
         assert count >= first_count + sum(end <= index for end in completed)
         previous = count
     assert check_first_grasps(copy) == last_count

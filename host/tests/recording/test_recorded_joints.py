@@ -129,6 +129,7 @@ def test_cloud_positions_are_those_of_the_hold_frames(recorded: Path, hand: Hand
     kinematics = build_kinematics(hand)
     with GraspDataset(tmp_path / "x.h5") as data:
         grasp = data[data.ids[0]]
+        # The first two frames are the baseline, all others the hold.
         times = grasp.timestamp[2:].tolist()
         expected = np.mean(
             [kinematics.compute_taxel_positions(compute_motion_angles(time_s)) for time_s in times], axis=0

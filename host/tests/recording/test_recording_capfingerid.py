@@ -49,6 +49,7 @@ def test_recording_has_every_frame_of_the_source(name, frames):
 
 
 def test_values_of_the_index_finger_equal_the_source_text():
+    """The expected numbers are those of the text, whose times are in nanoseconds; `time_s` begins at 0."""
     recording = load_recording("P2_index_right")
     assert recording.values[0, 0].tolist() == [0, -1, 0, -1, -1, 0, 1, 1, 0, 2, -3, 1, -2, 0, 1]
     assert recording.values[1999, 0, :8].tolist() == [181, 2, 1, 1, -2, 1, 2, 4]  # line 2000
@@ -97,6 +98,7 @@ def test_importer_reads_empty_and_dash_as_zero(importer):
 
 @pytest.mark.parametrize("values", [["0"] * 404, ["0"] * 406, []])
 def test_importer_skips_and_counts_frames_of_another_length(importer, tmp_path, values):
+    """The first line has the 27 x 15 = 405 values of a frame; the second line has more or fewer values."""
     path = tmp_path / "CapMatrix_x.txt"
     path.write_text(format_line() + "\n" + format_line(values=values) + "\n")
     recording = importer.read_recording(path)
@@ -126,6 +128,10 @@ def test_importer_names_the_invalid_line(importer, tmp_path, invalid_line, messa
 
 
 def test_importer_writes_the_values_of_the_text(importer, tmp_path):
+    """Times are relative to the first line, at 1508925142 s and 30,093,394 ns; the second is at ...43 s and 99 ns.
+
+    The number of the participant (2) is the first field of a line, not a part of the file name.
+    """
     source, data = tmp_path / "source", tmp_path / "data"
     source.mkdir()
     data.mkdir()

@@ -22,7 +22,10 @@ def make_touch_recording(touched_frames, frames=40, period_s=0.1):
 
 @pytest.mark.parametrize("name", list_recordings())
 def test_measured_touches_are_decoded_without_error(name):
-    """Only touches between two samples are missed. Few samples lie at a step of the source, where both values count."""
+    """Only touches that lie between two samples are missed.
+
+    For a sample at a step of the source, the values before and after the step are both accepted; such samples are few.
+    """
     score = replay_touches(load_recording(name), ALLEGRO, ReplayOptions(start_s=30.0, seconds=10.0))
     assert score.boards == 17
     assert score.true_positives > 100
@@ -36,6 +39,7 @@ def test_measured_touches_are_decoded_without_error(name):
 
 @pytest.mark.parametrize("seed", [2, 3])
 def test_clock_errors_of_the_boards_do_not_change_the_score(seed):
+    """The seed of the emulated world determines the rate errors of the boards' clocks."""
     options = ReplayOptions(seconds=5.0, settings=WorldSettings(seed=seed))
     score = replay_touches(load_recording("P2_index_right"), ALLEGRO, options)
     assert score.f1 == 1.0
@@ -95,6 +99,7 @@ def test_hand_that_is_too_small_is_refused():
 
 
 def test_board_that_does_not_respond_is_named():
+    """The thumb's fingertip board (0x22) is unplugged from 0 s on: no frames for the baseline, none after it."""
     with pytest.raises(
         RecordingError, match=r"board fingertip_thumb of hand 'allegro': expected 100 frames.*found 0 and 0"
     ):

@@ -77,7 +77,7 @@ def test_exact_decoding_has_precision_recall_and_f1_of_one(two_touches):
 
 def test_each_sample_is_counted_as_true_or_false_and_positive_or_negative():
     """In the source, only taxel 0 is touched, from 0.1 to 0.2 s. The second of four scans finds the touch, the third
-    misses it, and the third and the fourth find a false touch of taxel 1.
+    misses it, and the third and the fourth find a false touch of taxel 1. These three errors are also wrong counts.
     """
     source = make_source([[0, 0], [200, 0], [0, 0]])
     sampled_s = np.array([0.05, 0.12, 0.15, 0.25])[:, None].repeat(2, axis=1)

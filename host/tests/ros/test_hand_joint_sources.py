@@ -107,6 +107,7 @@ def test_command_moves_the_virtual_hand_and_publishes_its_encoder_angles(
 def test_stopped_topic_ends_the_command_with_one_line(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
+    # The node sends five commands; `run_ros_hand` sets the time without a command until the stop to 0.4 s.
     with pytest.raises(Exception, match=r"no valid joint command for 0\.4 s: the hand held its position"):
         run_ros_hand(monkeypatch, FakeNode(make_command, 5), original_rule=False, version=None)
     assert "the hand holds its position" in capsys.readouterr().err
@@ -125,7 +126,7 @@ def test_listener_records_the_angles_of_the_hand_on_can_without_switching_its_mo
     stop = threading.Event()
     thread = threading.Thread(target=virtual.run, args=(stop,), daemon=True)
     thread.start()
-    base = np.full(22, 0.5)
+    base = np.full(22, 0.5)  # angles of the joints that the hand on CAN does not measure
     listener = AllegroListener(buses[1], names, base)
     try:
         while not len(listener.history):

@@ -216,7 +216,10 @@ def test_damaged_bags_raise_only_errors_of_one_line(tmp_path):
 
 
 def test_bag_whose_chunk_ends_behind_the_file_is_refused_in_one_line(tmp_path, capsys):
-    """The library rosbags raises struct.error for the index, of which no byte is left behind the chunk."""
+    """The size of the chunk is changed to 1 GiB, so that no byte is left for the index, which follows the chunk.
+
+    The library rosbags raises struct.error when it reads this index.
+    """
     path = write_bag(tmp_path / "skin.bag", make_messages(load_hand("original")))
     data = bytearray(path.read_bytes())
     size_at = data.index(b"size=", data.index(b"compression=none")) + 9  # behind the size of the unpacked chunk
@@ -229,6 +232,7 @@ def test_bag_whose_chunk_ends_behind_the_file_is_refused_in_one_line(tmp_path, c
 def test_damaged_compressed_chunk_of_a_bag_is_refused_in_one_line(compression, tmp_path, capsys):
     path = write_bag(tmp_path / "skin.bag", make_messages(load_hand("original")), compression=compression)
     data = bytearray(path.read_bytes())
+    # Behind "size=" (5 bytes), the size of the unpacked chunk, and the length of the data (4 bytes each).
     chunk_at = data.index(b"size=", data.index(b"compression=")) + 13
     data[chunk_at : chunk_at + 1000] = bytes(1000)
     path.write_bytes(data)

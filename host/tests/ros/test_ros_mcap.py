@@ -213,7 +213,7 @@ def test_truncated_file_gives_the_frames_before_the_truncation_and_then_an_error
     data = mcap.read_bytes()
     path = tmp_path / "truncated.mcap"
     counts = []
-    for size in (len(data) - 60, len(data) // 2, len(data) // 3, 250_000):
+    for size in (len(data) - 60, len(data) // 2, len(data) // 3, 250_000):  # the last 60 bytes contain no frame
         path.write_bytes(data[:size])
         frames = []
         with taxel.open(f"file:{path}") as skin, pytest.raises(CaptureError) as caught:

@@ -112,6 +112,7 @@ def test_the_validity_of_a_frame_has_the_effect_of_the_same_validity_of_each_tax
     frames = np.array([True, False, True, True, False, True])
     by_frame = compute_baseline(raw, frames, samples=3)
     by_taxel = compute_baseline(raw, np.repeat(frames[:, None], 2, axis=1), samples=3)
+    # The valid frames are [0, 1], [4, 5] and [6, 7].
     assert by_frame.mean.tolist() == by_taxel.mean.tolist() == [10 / 3, 13 / 3]
 
 

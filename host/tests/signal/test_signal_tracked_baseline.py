@@ -80,6 +80,7 @@ def make_skin_with_lasting_contact(covered_taxels):
 
 
 def test_baseline_follows_a_drift_and_reports_no_contact():
+    """The skin drifts by more than ten times the permitted error of the tracked baseline (`FOLLOWED`, 5 counts)."""
     end_s = 300.0
     skin = DriftingSkin(1)
     drifted = np.abs(skin.compute_true_baseline(end_s) - skin.counts_at_start).max()
@@ -95,10 +96,13 @@ def test_baseline_is_corrected_once_per_interval_of_one_second():
     assert corrections == complete_intervals
 
 
-# Taxels 0 to 29 are on the first board. With 30 covered taxels, no free taxel shows the drift of this board during the
-# contact: the baseline may then be wrong by the drift since the start of the contact.
 @pytest.mark.parametrize(("covered_taxels", "largest_error"), [(5, 20.0), (20, 20.0), (30, 60.0)])
 def test_lasting_contact_stays_a_contact_and_does_not_enter_the_baseline(covered_taxels, largest_error):
+    """Errors are in counts. Taxels 0 to 29 are on the first board.
+
+    With 30 covered taxels, no free taxel shows the drift of this board during the contact: the baseline may then be
+    wrong by the drift since the start of the contact.
+    """
     end_s = CONTACT_S[1] - 10.0
     skin = make_skin_with_lasting_contact(covered_taxels)
     tracked, _ = track_until(skin, end_s)
@@ -112,6 +116,7 @@ def test_lasting_contact_stays_a_contact_and_does_not_enter_the_baseline(covered
 
 @pytest.mark.parametrize("covered_taxels", [5, 20, 30])
 def test_baseline_is_correct_within_30_s_after_the_release_of_a_lasting_contact(covered_taxels):
+    """The permitted error is twice that of a skin without a lasting contact (`FOLLOWED`, 5 counts)."""
     end_s = CONTACT_S[1] + 30.0
     skin = make_skin_with_lasting_contact(covered_taxels)
     tracked, _ = track_until(skin, end_s)
@@ -123,7 +128,7 @@ def test_baseline_measured_during_a_touch_is_corrected_within_10_s_after_its_rel
     touch_end_s = 10.0  # later than the end of the first baseline, after 5 s
     skin = DriftingSkin(4, drift=0.0, signal=make_signal(5), contact_s=(0.0, touch_end_s))
     tracked, _ = track_until(skin, touch_end_s + 10.0)
-    assert compute_largest_error(tracked, skin.counts_at_start) < FOLLOWED
+    assert compute_largest_error(tracked, skin.counts_at_start) < FOLLOWED  # permitted error: 5 counts
 
 
 def test_repeated_contacts_do_not_move_the_baseline():
@@ -134,7 +139,7 @@ def test_repeated_contacts_do_not_move_the_baseline():
         is_touched = frame // 60 % 2 == 1  # 3 s without contact, then 3 s with contact
         skin.contact_s = (0.0, np.inf) if is_touched else (np.inf, np.inf)
         tracked.update(frame / RATE_HZ, skin.read_frame(0.0))
-    assert compute_largest_error(tracked, skin.counts_at_start) < FOLLOWED
+    assert compute_largest_error(tracked, skin.counts_at_start) < FOLLOWED  # permitted error: 5 counts
 
 
 def test_taxels_without_valid_frames_keep_their_baseline_and_report_no_contact():
@@ -145,7 +150,7 @@ def test_taxels_without_valid_frames_keep_their_baseline_and_report_no_contact()
     for frame in range(600):
         raw = np.where(is_missing, 0, skin.read_frame(0.0)).astype(np.uint16)
         tracked.update(frame / RATE_HZ, raw, ~is_missing)
-    assert compute_largest_error(tracked, skin.counts_at_start) < FOLLOWED
+    assert compute_largest_error(tracked, skin.counts_at_start) < FOLLOWED  # permitted error: 5 counts
     assert not tracked.state.is_contact.any()
 
 
@@ -153,6 +158,7 @@ def test_step_back_of_the_clock_ends_the_interval_and_starts_a_new_one():
     skin = DriftingSkin(7, drift=0.0)
     first = measure_first_baseline(skin)
     tracked = TrackedBaseline(first.mean, first.noise)
+    # `update` returns a state if its frame starts a new interval, and None if the frame belongs to the present one.
     assert tracked.update(100.0, skin.read_frame(0.0)) is None
     assert tracked.update(3.0, skin.read_frame(0.0)) is not None
     assert tracked.update(3.5, skin.read_frame(0.0)) is None

@@ -71,7 +71,7 @@ def test_in_every_side_grasp_two_fingers_the_thumb_and_the_palm_touch_the_object
 
 @pytest.mark.parametrize("key", APPROACHES)
 def test_in_every_approach_the_palm_and_a_finger_or_the_thumb_carry_load(key):
-    """In an approach from the top, the thumb can miss the object, or fingers can close without contact. Limits in N."""
+    """Only one finger or the thumb must carry load: from the top, the others can miss the object. Limits are in N."""
     force = compute_hold_forces(key)
     assert 3.0 < force.pop("palm") < 150.0
     assert 3.0 < max(force.values()) < 15.0
@@ -117,7 +117,10 @@ def test_the_contact_forces_on_a_finger_balance_its_joint_torques():
 
 
 def test_the_wrench_of_a_board_is_the_sum_over_its_contact_points():
-    """Compared as means over the last second of hold: a wrench is a mean over steps, contact points are of one step."""
+    """Both are averaged over the last second of hold, in N and Nm.
+
+    The wrench of a sample is a mean over several time steps, but the contact points of a sample are those of one step.
+    """
     motion = simulate_approach("cylinder-side_1")
     samples = np.flatnonzero(motion.phase == Phase.HOLD)[-20:]
     contacts = motion.contacts
@@ -153,7 +156,7 @@ def test_in_baseline_and_recovery_the_hand_is_at_rest_without_load(key):
 
 
 def test_only_a_withdrawn_palm_has_no_load_before_it_approaches_an_object_displaced_towards_it():
-    offset = make_pose([0.0, 0.002, 0.0], [1, 0, 0, 0])
+    offset = make_pose([0.0, 0.002, 0.0], [1, 0, 0, 0])  # 2 mm towards the palm, which touches the object there
     for approach in (replace(FIRST_APPROACH, withdraw_m=0.0), FIRST_APPROACH):
         motion = simulate_grasp(
             build_object_scene("rectangular_prism"), approach, TIMELINE, SimulationSettings(object_offset=offset)
@@ -172,10 +175,11 @@ def test_a_palm_that_is_not_withdrawn_is_loaded_in_the_baseline():
 def test_poses_agree_with_forward_kinematics():
     motion = simulate_approach("cylinder-top")
     kinematics = build_kinematics(HAND)
-    angles = np.zeros((len(motion.time_s), 22))
+    angles = np.zeros((len(motion.time_s), 22))  # the first six joints are those of the arm
     angles[:, 6:] = motion.joint_angles
     expected_poses = kinematics.compute_link_poses(angles)
     palm = build_object_scene("cylinder").robot.get_link_index("palm")
+    # Transform from the palm of an arm with all angles at 0 to the simulated palm, which moves without an arm.
     wrist_motion = motion.link_poses[:, :1] @ inverse(expected_poses[:, palm : palm + 1])
     assert np.allclose(wrist_motion @ expected_poses[:, palm:], motion.link_poses, atol=1e-9)
     assert np.allclose(wrist_motion @ kinematics.compute_sensor_poses(angles), motion.sensor_poses, atol=1e-9)

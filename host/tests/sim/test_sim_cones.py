@@ -50,7 +50,10 @@ def test_the_cones_of_the_palm_touch_an_object_only_within_the_contact_offset(ga
 
 
 def test_an_upright_rod_activates_the_taxels_above_its_end_and_wide_cones_also_their_neighbours():
-    """A tip touches up to 0.2 mm beside the rod. A wide cone, whose base is one pitch wider, reaches 7.2 mm."""
+    """A tip up to 0.2 mm beside the rod touches the rod.
+
+    A wide cone, whose base radius is one pitch larger, reaches 7.2 mm: the distance from its tip to its base's rim.
+    """
     rod_radius_m, offset_m, wide_threshold_m = 0.004, 0.0002, 0.0072
     rod = Cylinder(rod_radius_m, 0.1)
     poses = place_palm_above(0.0, rod)

@@ -134,4 +134,6 @@ def test_a_missing_contact_file_is_refused(tmp_path):
 
 def test_a_header_line_and_empty_lines_of_a_contact_file_are_skipped(tmp_path):
     (tmp_path / "raw.csv").write_text("x_m,y_m,z_m\n1,2,3 \n\n4,5,6\n")
-    assert read_original_contacts(tmp_path / "raw.csv").tolist() == [[1, 2, 3], [4, 5, 6]]
+    lines, points = read_original_contacts(tmp_path / "raw.csv")
+    assert lines.tolist() == [2, 4]
+    assert points.tolist() == [[1, 2, 3], [4, 5, 6]]

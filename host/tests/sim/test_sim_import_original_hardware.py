@@ -67,6 +67,7 @@ def test_hardware_files_become_a_real_dataset_with_the_recorded_differences(tmp_
     out = tmp_path / "x.h5"
     assert run_taxel("import", "original-hardware", *files, "--object", "cylinder", "--out", out, "--json") == 0
     report = json.loads(capsys.readouterr().out.splitlines()[-1])
+    # Each grasp has one frame in the files, and the import adds 100 frames of the baseline.
     assert (report["grasps"], report["frames"], report["added_frames"]) == (2, 202, 200)
     assert report["position_deviation_m"] < 1e-5
     assert report["active_points"] == sum(int((signal >= 150).sum()) for signal, _ in signals)

@@ -186,6 +186,7 @@ def test_rows_are_divided_into_grasps_by_their_labels(tmp_path):
         tmp_path, qpos=np.zeros((6, 1)), grasp=np.repeat([1, 2], 3), phase=["closing", "hold", "release"] * 2, session=1
     )
     report = import_rollout(tmp_path / "m.xml", states, tmp_path / "sim.h5", options=OPTIONS)
+    # Two grasps of three states each; the import adds 100 frames of the baseline to each grasp.
     assert (report.grasps, report.frames, report.added_frames) == (2, 206, 200)
     with GraspDataset(tmp_path / "sim.h5") as data:
         assert list(data.ids) == ["0001", "0002"]

@@ -100,7 +100,7 @@ def test_an_off_centre_force_is_spread_linearly():
 
 
 def test_forces_across_a_rod_follow_its_circular_profile():
-    """A force is stiffness times penetration, which decreases from the middle by the height of the circle."""
+    """A force is stiffness times penetration. Beside the middle, the round surface lowers the penetration."""
     hand = make_flat_hand()
     result = press_on(hand, ROD, place_beside_rod(), make_wrench(8.0))
     force = result.contact_force[0].reshape(5, 5)
@@ -118,7 +118,7 @@ def test_a_curved_board_on_a_plane_carries_the_load_at_its_point_of_application(
     result = press_on(hand, PLANE, place_above_box(0.0), make_wrench(4.0, at))
     net = compute_net_wrench(hand, result.contact_force[0])
     assert net[2] == pytest.approx(-4.0, rel=1e-12)
-    assert result.moment_residual_nm[0, 0] < 4e-9 * 0.005
+    assert result.moment_residual_nm[0, 0] < 4e-9 * 0.005  # 1e-9 of the moment of 4 N at a lever arm of 5 mm
     # The lateral force components of the curved board have almost no lever arm, which the tolerance covers.
     np.testing.assert_allclose([-net[4] / net[2], net[3] / net[2]], at, atol=5e-4)
     assert 0 < (result.contact_force > 0).sum() < 25
@@ -172,6 +172,7 @@ def test_net_force_equals_the_given_force_and_moments_too_within_the_tilt_bound(
     assert np.abs(result.force_residual_n / magnitude).max() < 1e-9, f"seed {seed}"
     is_within_tilt_bound = np.abs(result.tilt_rad).max(axis=-1) < 0.999 * MAX_TILT_RAD
     assert is_within_tilt_bound.mean() > 0.5, f"seed {seed}"
+    # Relative to the moment that the force has at a lever arm of 10 mm.
     assert (result.moment_residual_nm / magnitude)[is_within_tilt_bound].max() < 1e-9 * 0.01, f"seed {seed}"
 
 
@@ -224,6 +225,7 @@ def test_a_force_beside_the_board_tilts_to_the_bound_and_leaves_a_moment_residua
     assert result.contact_force.sum() == pytest.approx(2.0, rel=3 * MAX_TILT_RAD**2)
     assert abs(result.force_residual_n[0, 0]) < 1e-12
     assert np.abs(result.tilt_rad).max() == pytest.approx(MAX_TILT_RAD)
+    # The taxels balance at most 10 mm of the lever arm of 30 mm; the bound of 15 mm is below the remaining 20 mm.
     assert result.moment_residual_nm[0, 0] > 2.0 * 0.015
     row_forces = result.contact_force[0].reshape(5, 5).sum(axis=1)
     assert (np.diff(row_forces) >= 0).all()

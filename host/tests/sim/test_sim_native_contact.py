@@ -112,7 +112,8 @@ def test_a_simulated_grasp_agrees_with_the_numpy_reference(name, monkeypatch):
         Timeline(baseline_s=0.05, closing_s=0.8, hold_s=0.1, release_s=0.0, recovery_s=0.0),
     )
     approach = next(candidate for candidate in make_thesis_approaches(withdraw_m=0.02) if candidate.object == name)
-    # Equal substeps: the two implementations search for near pieces at different times, which changes the choice.
+    # Both runs use equal substeps. Otherwise a substep depends on distances between boards and object, which the two
+    # implementations update at different times.
     monkeypatch.setattr(SoftPush, "_choose_step", lambda self, data: 0.25)
     monkeypatch.setattr(closing, "NativePush", SoftPush)
     native = simulate_grasp(scene, approach, timeline, SimulationSettings(law=LAW))

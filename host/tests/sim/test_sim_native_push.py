@@ -61,6 +61,7 @@ def prepare(scene, push_class, seed):
 
 @pytest.mark.parametrize("seed", range(3))
 def test_a_moving_and_steadied_object_follows_the_path_of_the_python_steps(scene, seed):
+    """The firmness, 0 to 1, is a factor on the springs and dampers by which an experimenter steadies the object."""
     results = []
     for push_class in (NativePush, SoftPush):
         push, data, random = prepare(scene, push_class, seed)

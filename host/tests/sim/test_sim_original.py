@@ -291,7 +291,10 @@ def test_a_pad_has_four_corners_in_its_plane():
 
 
 def test_a_larger_overlap_adds_corners_of_pads_near_the_object(scene, approach):
-    """Without overlap the fingers report the few points of the engine, which activate few taxels around a cylinder."""
+    """A board reports the corners of all pads that are at most `overlap_m` farther from the object than the nearest.
+
+    Without overlap the fingers report the few points of the engine, which activate few taxels around a cylinder.
+    """
     on_fingers, numbers = ORIGINAL.board_index != [board.name for board in ORIGINAL.boards].index("palm"), []
     for overlap_m in (0.0, OVERLAP_M, 2 * OVERLAP_M):
         rules = replace(OriginalRules(), overlap_m=overlap_m, coded_centres=False)

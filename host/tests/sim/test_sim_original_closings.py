@@ -21,7 +21,10 @@ def comparison(request):
 
 
 def test_coded_centres_fit_the_kept_taxels_of_the_recorded_closing(comparison):
-    """The fit of the posture leaves less than 0.03 mm on every part of the hand, and less than 0.001 mm on three."""
+    """The residual of the fitted posture is below 0.03 mm on every part of the hand, and below 0.001 mm on three parts.
+
+    The recovered height of the palm above the ground is 105 mm, as docs/original-simulator.md states.
+    """
     closing, _ = comparison
     residuals_mm = sorted(closing.residual_mm.values())
     palm_height_m = closing.palm_link[2, 3]
@@ -43,7 +46,10 @@ def test_recorded_points_lie_on_the_object_of_the_recovered_pose(comparison):
 
 
 def test_the_level_original_activates_the_taxels_of_the_recorded_points_where_the_palm_has_tips(comparison):
-    """Compared are the active taxels at the distance threshold of 2.34 mm; `common`: taxels active in both."""
+    """The key "2.34" is the distance threshold in mm of the original filter.
+
+    `active`: number of active taxels. `common`: number of taxels that are active in both recording and simulation.
+    """
     closing, (recorded, *simulated) = comparison
     if closing.name == "cylinder":  # without tips of the palm, other taxels of similar number are active
         assert all(row.active["2.34"] == pytest.approx(recorded.active["2.34"], rel=0.15) for row in simulated)

@@ -122,7 +122,11 @@ def test_half_the_time_step_gives_nearly_the_same_hold_forces():
 
 
 def test_the_penetration_rate_of_a_layer_piece_is_the_derivative_of_its_depth():
-    """Compared with finite differences over every degree of freedom in the frame of the object."""
+    """The reference is a finite difference for every degree of freedom, in the frame of the object.
+
+    A piece is a column of the soft layer of a board; `rate` is the change of its depth in the object per unit of the
+    velocity of each degree of freedom.
+    """
     key, scene = "cylinder-side_1", build_object_scene("cylinder")
     motion = simulate_approach(key)
     end = int(np.flatnonzero(motion.phase == Phase.HOLD)[-1])
@@ -167,13 +171,13 @@ def test_the_penetration_rate_of_a_layer_piece_is_the_derivative_of_its_depth():
 
 @pytest.mark.parametrize("contact_class", [SoftContact, NativeContact])
 def test_the_load_is_proportional_to_the_covered_area_wherever_an_edge_crosses_the_columns(contact_class):
-    """A box without friction moves over the border of the board: each step adds the force on the same strip."""
+    """The edge of a box without friction moves across the board: each step changes the load by an equal strip."""
     hand, depth_m, step_m = load_hand("flat8"), 0.0008, 0.13e-3
     contact = contact_class(hand, ConvexPolytope.box(0.2, 0.2, 0.03), LAW, LayerFriction(0.0))
     object_pose, forces, taxel_forces = np.eye(4), [], []
     object_pose[2, 3] = hand.layer_m - depth_m
     for step in range(60):
-        object_pose[0, 3] = 0.1 - 0.01 + step * step_m
+        object_pose[0, 3] = 0.1 - 0.01 + step * step_m  # the edge, 0.1 m beside the centre, starts at x = -10 mm
         forces.append(contact.compute_load(np.eye(4)[None], object_pose).wrench[0, 2])
         taxel_forces.append(contact.compute_taxel_forces(np.eye(4)[None], object_pose))
     pressure = float(LAW.compute_force(np.array(depth_m))) / REFERENCE_AREA_M2
@@ -189,6 +193,7 @@ def test_squares_are_divided_into_parts_that_add_up_to_the_covered_area():
     """
     depth, depth_change = np.array([1.0, 1.2, 0.1]), np.array([[0.9, 0.0], [-0.9, 0.1], [0.4, 0.4]])
     parts = divide_squares(depth[None], depth_change[None])
+    # Points of a grid in the square from -1 to 1; a point is as deep in the solid as below its nearest face.
     samples = (np.stack(np.meshgrid(*2 * [np.arange(400) / 200 - 0.9975]), axis=-1)).reshape(-1, 2)
     depths = depth + samples @ depth_change.T
     lowest, face = depths.min(axis=1), depths.argmin(axis=1)

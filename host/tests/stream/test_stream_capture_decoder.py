@@ -128,6 +128,7 @@ def test_a_record_length_beyond_the_end_of_the_file_allocates_no_memory(tmp_path
     # Append the head of a record that claims 16 MiB (time, length), and 3 bytes of its data.
     path.write_bytes(path.read_bytes() + struct.pack("<QI", 0, 1 << 24) + b"few")
     memory_before_kib = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    # The file has a header of 18 bytes, and a complete record of 13 bytes (12 bytes of time and length, 1 data byte).
     with pytest.raises(CaptureError, match="cut short in a record at byte 31"):
         list(decode_capture(path))
     assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - memory_before_kib < 4096  # KiB

@@ -99,6 +99,7 @@ def test_a_gap_is_exact_up_to_65535_frames(count_losses, make_hub, lost):
 
 def test_a_frame_damaged_on_the_wire_is_lost(count_losses, hub):
     frames = [hub.encode_taxels(0x20, cycle) for cycle in range(5)]
+    # The changed byte is not 0, which would be a delimiter.
     frames[2] = frames[2][:10] + bytes([frames[2][10] ^ 4 or 1]) + frames[2][11:]
     account = count_losses(b"".join(frames))
     assert (account.frames_received, account.lost_on_wire) == (4, 1)
@@ -125,6 +126,7 @@ def test_a_wrong_board_crc_is_detected_for_every_board_size(count_losses, hub):
         for position, (size, damage) in enumerate(zip(sizes, damages, strict=True))
     ]
     account = count_losses(b"".join(wire for _, _, wire in sent))
+    # Of the three frames of each board, only the second is damaged.
     assert {(count.received, count.damaged) for count in account.boards.values()} == {(2, 1)}
     assert len(account.boards) == len(sizes)
 

@@ -62,6 +62,10 @@ def to_dict(value):
 @property_settings
 @given(sent=st.lists(sample_messages(), max_size=8))
 def test_messages_have_the_same_fields_as_with_construct(sent):
+    """The library construct parses the payloads with the definitions of the protocol.
+
+    A payload of variable length ends with bytes that are no named field of a message, but its `trailing_bytes`.
+    """
     batches = StreamDecoder().push(b"".join(encode_frame(*frame) for frame in sent))
     decoded = [message for batch in batches for message in decode_messages(batch)]
     assert [int(message.type) for message in decoded] == [frame[0] for frame in sent]
@@ -95,6 +99,7 @@ def test_damaged_streams_lose_only_the_damaged_frames(tool, seed):
 
 def test_a_decoder_that_loses_an_undamaged_frame_is_detected(tool, monkeypatch):
     campaign = tool.damage_campaign
+    # The faulty decoder omits the first frame of the reference decoder.
     monkeypatch.setattr(campaign.Decoders, "decode_frames", lambda self, pieces: campaign.decode_reference(pieces)[1:])
     _, _, difference = campaign.check_range(1, 0, 50)
     assert difference is not None

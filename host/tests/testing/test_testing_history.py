@@ -45,7 +45,7 @@ def test_a_board_is_compared_with_its_earlier_tests(path, make_board_record):
     with History(path) as history:
         history.add(make_board_record(4.0))
         history.add(make_board_record(5.0))
-        history.add(make_board_record(1.0, serial_number="AB-0002"))
+        history.add(make_board_record(1.0, serial_number="AB-0002"))  # another board, which is not compared
         (change,) = history.compare(make_board_record(4.2))
     assert (change.phase, change.measurement, change.place, change.unit) == ("noise", "white", "TX 3", "counts")
     assert (change.value, change.last, change.median, change.runs, change.has_moved) == (4.2, 5.0, 4.5, 2, False)

@@ -104,6 +104,7 @@ def test_many_measurements_are_folded_except_the_failing_ones(make_record):
     page = render_page(make_record(measure))
     noise = find_section(page, "Noise")
     summary, failing = (table for table in noise.findall("div/table"))
+    # Name, number of values, failed values, minimum, median, maximum and limit.
     assert [read_text(entry) for entry in summary.find("tbody/tr")][:7] == [
         "white, counts", "300", "2", "4", "4.15", "9", "≤ 8",
     ]  # fmt: skip
@@ -245,6 +246,7 @@ def test_earlier_tests_and_moved_values_are_shown(make_record, tmp_path):
         page = render_page(record, history.compare(record), history.list_earlier("AB-0001"))
     earlier = find_section(page, "Earlier tests")
     changes, runs = earlier.findall("div/table")
+    # Name, place, value, last value, median and number of earlier tests, remark.
     assert [read_text(entry) for entry in changes.find("tbody/tr")] == [
         "white Noise", "TX 3", "7.50 counts", "4.10", "4.05", "2", "moved",
     ]  # fmt: skip

@@ -71,8 +71,9 @@ def test_every_figure_is_drawn(campaign, tmp_path):
 
 def test_every_statement_is_reported_as_a_finding_with_numbers_and_a_reason_if_not_reproduced(output):
     summary = json.loads((output / "thesis.json").read_text())
-    by_key = {finding["key"]: finding for finding in summary["findings"]}  # "denser": real over simulated points
+    by_key = {finding["key"]: finding for finding in summary["findings"]}
     assert len(by_key) == len(STATEMENTS)
+    # The numbers of the finding "denser" are ratios of the number of real points to the number of simulated points.
     assert by_key["denser"]["numbers"]["cylindrical"] > 1.0
     assert set(by_key["simulation_nearer"]["holds"]) == {"rectangular", "cylindrical", "triangular"}
     assert all(finding["reason"] for finding in by_key.values() if not finding["reproduced"])
@@ -98,6 +99,7 @@ def test_identified_shapes_are_reported_for_whole_clouds_and_single_approaches_a
 
 
 def test_skill_below_one_is_reported_for_every_group_and_statistic(output):
+    """At a skill of 1 the values equal the printed values; at 0 they are only as near to them as one constant."""
     values = json.loads((output / "thesis.json").read_text())["skill"]
     skills = {(item["group"], item["statistic"]): item["median"] for item in values}
     assert {group for group, _ in skills} == set(GROUPS)
@@ -142,6 +144,7 @@ def compute_likelihoods_of_cylinder(campaign):
 
 
 def test_best_model_of_each_approach_is_that_of_the_match(campaign):
+    """`find_best_model` finds the same model as the complete comparison `match` with the same likelihoods."""
     cloud, models, likelihoods = compute_likelihoods_of_cylinder(campaign)
     for approach in cloud.approaches:
         part = cloud.select_approach(approach)

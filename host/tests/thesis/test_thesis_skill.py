@@ -65,7 +65,8 @@ def test_error_of_values_with_a_common_factor_is_the_factor_s_logarithm():
 def test_repeated_quantities_are_counted_once():
     counted = select_counted(list_entries(build_printed_results()))
     numbers = {group: sum(e.group == group and e.statistic == "mean_m" for e in counted) for group in GROUPS}
-    # SOR: 36 printed rows, of which one is a copy (Table I-6, N = 143, nSigma = 2)
+    # For each of the three objects: 2 raw clouds, 10 thresholds above the raw one, 12 settings of SOR, 1 propagated
+    # cloud, 4 treatments, and 2 clouds with 2 other models. One SOR row is a copy (Table I-6, N = 143, nSigma = 2).
     assert numbers == {
         "raw": 6,
         "force filter": 30,

@@ -53,7 +53,10 @@ def run_burst(*transfers: Transfer):
 
 
 def test_17_boards_of_12_kib_are_flashed_within_15_s_with_16_ms_latency_each_way(worlds, hub, make_firmware):
-    """I2C at 400 kHz, UART at 1 Mbaud; each board computes the sum of every row."""
+    """I2C runs at 400 kHz and the UART at 1 Mbaud.
+
+    An image of 12 KiB has 96 rows of 128 bytes, and each board computes the sum of every row.
+    """
     world = worlds(*FLOW_CONTROL, hand="allegro", usb_latency_ms=16.0)
     wire = hub(world)
     start_s = world.now_s

@@ -51,6 +51,7 @@ def test_the_hub_receives_the_image_of_its_free_slot_and_confirms_it(worlds, mak
     firmware = make_hub_firmware(version=(3, 1, 4), size=13312)
     result = try_update(link, firmware)
     assert (result.address, result.before, result.after) == (HUB, (0, 1, 0), (3, 1, 4))
+    # 13,312 bytes are 104 rows of 128 bytes.
     assert (result.slot, result.rows_written, result.rows_kept, result.is_written) == (1, 104, 0, True)
     assert read_slot(world, 1, 13312) == firmware.select_image_for(1).data
     world.inject("hub_unplug")
@@ -118,6 +119,7 @@ def test_an_interrupted_update_continues_at_the_first_missing_row(worlds, make_h
     with pytest.raises(KeyboardInterrupt):
         try_update(link, firmware, stop)
     result = try_update(link, firmware)  # The hub is still in its bootloader.
+    # 4,096 bytes are 32 rows of 128 bytes.
     assert (result.before, result.rows_kept, result.rows_written) == (None, stop_at, 32 - stop_at)
     assert read_version(link) == (1, 2, 3)
 
@@ -126,7 +128,10 @@ def test_an_interrupted_update_continues_at_the_first_missing_row(worlds, make_h
 @pytest.mark.parametrize("after_s", [0.004, 0.017])
 @pytest.mark.parametrize("operation", [1, 3, 4, 5, 6])
 def test_a_hub_that_loses_power_runs_the_old_or_the_new_image(worlds, make_hub_firmware, listens, operation, after_s):
-    """Three rows, pending, a boot attempt, confirmed: the power is cut in each of these writes."""
+    """The update makes six writes: three rows, and the records that the image is pending, tried and confirmed.
+
+    The power is cut 4 ms or 17 ms after the start of the write with the number `operation`; a write takes 20 ms.
+    """
     world = worlds(f"boot_listens {listens}", boards=1)
     link = VirtualMemoryLink(world)
     firmware = make_hub_firmware(size=384)

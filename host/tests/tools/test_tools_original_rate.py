@@ -28,6 +28,7 @@ def test_the_first_generation_runs_at_8_to_9_hz(measurements):
     assert first.wire_bytes == pytest.approx(624)  # 2 bytes for each of 224 taxels, 8 more for each of 22 boards
     # The UART driver sends 8 bytes at every second tick of 0.5 ms, since 8 bytes take 0.7 ms: 624 bytes take 78 ms.
     assert first.wire + first.pacing == pytest.approx(78.0, abs=0.5)
+    # The I2C transfers with 22 boards, in ms per cycle; the table of firmware/emulator/README.md states 46.9 ms.
     assert first.call + first.read == pytest.approx(47.0, abs=0.5)
 
 

@@ -38,6 +38,7 @@ def test_boards_receive_the_image_of_their_free_slot_and_confirm_it(worlds, open
     wire = open_wire(world)
     results = update_all(wire, make_firmware())
     assert {r.slot for r in results.values()} == {1}
+    # The image has 1,000 bytes, the default of `make_firmware`: 8 rows of 128 bytes.
     assert {(r.before, r.after, r.rows_written, r.rows_kept) for r in results.values()} == {
         ((0, 1, 0), (1, 2, 3), 8, 0)
     }
@@ -56,6 +57,7 @@ def test_the_flash_contains_the_bytes_of_the_file(worlds, adapter, make_firmware
     world = worlds(boards=1)
     firmware = make_firmware(size=12288)
     update_all(adapter(world), firmware, [FIRST])
+    # Slot B, with the number 1, begins at row 142; 12,288 bytes are 96 rows of 128 bytes.
     assert world.read_flash(FIRST).data[142 * 128 : 238 * 128] == firmware.select_image_for(1).data
 
 
@@ -83,9 +85,9 @@ def test_an_interrupted_update_continues_at_the_first_missing_row(worlds, adapte
 
     with pytest.raises(KeyboardInterrupt):
         update_all(wire, firmware, [FIRST], stop)
-    wear = world.read_flash(FIRST).wear[142:162].copy()
+    wear = world.read_flash(FIRST).wear[142:162].copy()  # the 20 written rows of slot B, which begins at row 142
     result = update_all(wire, firmware, [FIRST])[FIRST]
-    assert (result.rows_kept, result.rows_written) == (20, 12)
+    assert (result.rows_kept, result.rows_written) == (20, 12)  # 4,096 bytes are 32 rows
     assert (world.read_flash(FIRST).wear[142:162] == wear).all()
 
 
@@ -122,6 +124,7 @@ def test_every_stage_and_every_row_is_reported_as_progress(worlds, adapter, make
         "confirming",
         "done",
     ]
+    # The image of 1,000 bytes, the default of `make_firmware`, has 8 rows of 128 bytes.
     assert [progress.done for progress in reported if progress.stage == "writing"] == list(range(8))
 
 
@@ -215,7 +218,10 @@ def test_the_handshake_is_repeated_after_a_hub_restart(worlds, hub, make_firmwar
 
 
 def test_17_boards_of_12_kib_are_flashed_through_the_hub_within_15_s(worlds, hub, make_firmware):
-    """400 kHz, 1 Mbaud, an adapter that delays replies by 16 ms; each board computes the sum of every row."""
+    """I2C runs at 400 kHz and the UART at 1 Mbaud; the USB adapter delays replies by 16 ms.
+
+    An image of 12 KiB has 96 rows of 128 bytes, and each board computes the sum of every row.
+    """
     firmware = make_firmware(size=12288)
     world = worlds(hand="allegro", usb_latency_ms=16.0)
     wire = hub(world)

@@ -33,6 +33,10 @@ def test_poses_are_interpolated_between_samples():
 
 
 def test_a_pose_is_unknown_a_second_after_the_last_sample():
+    """The same holds a second before the first sample.
+
+    If the times of frames have another clock than the samples, the latest sample is used for every time.
+    """
     history = ObjectHistory("object")
     history.add(10.0, np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]))
     assert history.find(10.9) is not None

@@ -51,6 +51,7 @@ def _is_crc_correct(body: bytes) -> bool:
 def _is_known(body: bytes) -> bool:
     """Return whether this version defines a complete frame: its type, length, address and number of taxels."""
     payload = body[FRAME_HEADER_SIZE:-FRAME_CRC_SIZE]
+    # The default for an unknown type, with a minimum above its maximum, permits no length.
     has_address, minimum, maximum = FRAMES.get(body[0], (False, 1, 0))
     if not minimum <= len(payload) <= maximum or (has_address and not ADDRESS_MIN <= payload[0] <= ADDRESS_MAX):
         return False
@@ -87,7 +88,10 @@ class TaxelDeframe:
     """The custom process, as the compilers of Kaitai Struct call it."""
 
     def decode(self, data: bytes) -> bytes:
-        """Return all frames: for each 1 byte (1: this version defines it), 2 bytes of size, and the whitened body."""
+        """Return the whitened bodies of all frames, each after 1 byte (1: this version defines the frame) and its size.
+
+        The size has 2 bytes, the low byte first.
+        """
         out = bytearray()
         for chunk in data.split(b"\0"):
             start = 0

@@ -126,7 +126,8 @@ static void raise_in_svc(const char *name)
 }
 
 /* Print the NVIC registers after writes, and the handlers that run: a disabled interrupt stays pending until it is
- * enabled or cleared. */
+ * enabled or cleared. The masks have one bit per interrupt: 5 disables interrupts 0 and 2 and makes them pending, and 4
+ * clears interrupt 2 again. */
 static void test_registers(void)
 {
     put_word("IPR0", IPR0);

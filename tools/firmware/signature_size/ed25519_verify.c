@@ -92,7 +92,7 @@ static void hash(uint8_t digest[64], const uint8_t *r, const uint8_t *key, const
 
 /* ---- field of integers modulo p ---- */
 
-/* Reduce sums of limbs, each below 2^24, to limbs of 8 bits. A carry from the last limb is multiplied by FOLD (2^256
+/* Reduce sums of limbs, each below 2^27, to limbs of 8 bits. A carry from the last limb is multiplied by FOLD (2^256
  * modulo p) and added to the first limb. */
 static void carry(element out, const uint32_t sums[LIMBS])
 {
@@ -132,8 +132,8 @@ static void subtract(element out, const element a, const element b)
     carry(out, sums);
 }
 
-/* Compute a times b modulo p. A product of limbs whose numbers sum to LIMBS + i is added to limb i times FOLD, because
- * FOLD is 2^256 modulo p. */
+/* Compute a times b modulo p. The product of two limbs whose numbers add up to LIMBS + i is multiplied by FOLD and added
+ * to limb i, because FOLD is 2^256 modulo p. */
 static void multiply(element out, const element a, const element b)
 {
     uint32_t sums[LIMBS];

@@ -210,7 +210,7 @@ def write_original(folder: Path) -> str:
 
 def read_original(path: Path) -> Flat:
     """Read the contacts of a file of the original simulator."""
-    return {"points": read_original_contacts(path)}
+    return {"points": read_original_contacts(path)[1]}
 
 
 SIZES: Final[dict[str, tuple[int, ...]]] = {

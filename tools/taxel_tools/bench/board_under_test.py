@@ -80,6 +80,7 @@ class BoardUnderTest:
         receives the progress.
         """
         self.rest_record_s = max(self.rest_record_s, seconds)
+        # The time from the first scan to the last is somewhat shorter than the requested duration.
         if self._rest_record is None or self._rest_record.seconds < 0.9 * seconds:
             self._rest_record = self.read_for(self.rest_record_s, log)
         return self._rest_record
@@ -114,6 +115,7 @@ class BoardUnderTest:
 
         Returns their indices; fewer if the board has fewer such taxels.
         """
+        # The border shifts the indices by 1: offset 1 is the taxel itself, 0 and 2 are its neighbours.
         has_taxel = np.pad(self.kind.crossings, 1)
         is_inner = ~self.find_faulty_taxels()
         for row in (0, 1, 2):

@@ -194,6 +194,7 @@ class AdapterReadout:
             self._failed_reads += 1
             yield Pause(RETRY_PAUSE_S)
             return None
+        # The last 4 bytes are the CRC-32 of the board's address followed by all earlier bytes (protocol/SPEC.md).
         crc = zlib.crc32(data[:-4], zlib.crc32(bytes([self._address])))
         if crc != int.from_bytes(data[-4:], "little"):
             self._failed_reads += 1

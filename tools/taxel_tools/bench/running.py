@@ -56,6 +56,7 @@ def select_phases(plan: Plan, phases: Sequence[str]) -> Plan:
         raise TaxelError(f"--phase: expected a phase of {plan.source} ({', '.join(plan.phases)}), found '{unknown[0]}'")
     selected = {*phases, MERGING_PHASE}
     tables = {name: replace(table, enabled=True) for name, table in plan.phases.items() if name in selected}
+    # None: the table of a kind does not state whether the phase is enabled, so that the phase runs for every kind.
     kinds = {
         kind: {name: replace(table, enabled=None) for name, table in kind_tables.items() if name in selected}
         for kind, kind_tables in plan.kinds.items()
@@ -128,6 +129,7 @@ def run_board_test(plan: Plan, board: BoardUnderTest, labels: RecordLabels, repo
     durations = [
         phase.options.get("seconds", 0.0) for phase in plan.enabled_phases(kind) if phase.name in REST_RECORD_PHASES
     ]
+    # The phases share one record of the untouched board, so it has the longest of their durations.
     board.rest_record_s = max([board.rest_record_s, *map(float, durations)])
     properties = {
         "address": f"0x{board.address:02X}",

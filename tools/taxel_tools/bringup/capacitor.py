@@ -51,11 +51,13 @@ def evaluate_counts(counts: Mapping[int, int], supply_v: float = 3.3) -> Capacit
     if not usable or max(usable.values()) < SMALLEST_LARGEST:
         return None
     constant = median(code * count for code, count in usable.items())
-    # The error of the constant is at least that of the largest count, relative to the count.
+    # Two errors add up: COUNT_ERROR of the count itself, and the error of the predicted count constant / code. The
+    # relative error of the constant is at least that of the largest count, COUNT_ERROR / largest.
     largest = max(usable.values())
     follows = all(
         abs(count - constant / code) <= LAW_DEVIATIONS * COUNT_ERROR * (1.0 + count / largest)
         for code, count in usable.items()
     )
+    # Solved for C: count = PERIOD 2 C V f / I with I = code x step, so constant = count x code = PERIOD 2 C V f / step.
     capacitance = constant * IDAC_STEP_A / (2.0 * supply_v * TX_HZ * PERIOD)
     return CapacitorResult(capacitance * 1e12, follows, len(usable))

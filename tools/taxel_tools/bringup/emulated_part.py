@@ -118,7 +118,7 @@ class EmulatedPart:
 
     def measure_clock_pin(self, seconds: float = 0.5) -> float:
         """Measure the frequency of the clock pin P1.7 over a time, in Hz; 0 if the pin does not change."""
-        self._library.single_part_measure_clock_pin(self._handle)
+        self._library.single_part_measure_clock_pin(self._handle)  # resets the counter of edges
         self.read(seconds)
         return float(self._library.single_part_measure_clock_pin(self._handle))
 

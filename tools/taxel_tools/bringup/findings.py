@@ -148,7 +148,7 @@ def _find_numbers(
 
 
 def _find_interrupts(results: Measurements) -> Iterator[Finding]:
-    """Judge the interrupt numbers of both serial blocks and of the converter."""
+    """Judge the interrupt numbers of both serial blocks and of the converter, which the firmware assumes."""
     points = (
         ("scb0", "interrupt of SCB0", 10),
         ("scb1", "interrupt of SCB1", 11),
@@ -169,6 +169,7 @@ def _find_sense_clock(results: Measurements, capacitors: int) -> Iterator[Findin
     capacitors: integration capacitors of the board, 1 or 2. The number is found by conversions, preferably with the
     circuit that the board has, otherwise with the other circuit.
     """
+    # 3 - capacitors: number of integration capacitors of the other circuit.
     lines = [results.repeats[each] for each in (capacitors, 3 - capacitors) if each in results.repeats]
     found = [line for line in lines if _get_number(line, "sense_clock") not in (None, NONE)]
     if found:

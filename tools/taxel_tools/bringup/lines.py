@@ -32,7 +32,7 @@ class Line:
 
 
 def parse_line(text: str, time_s: float) -> Line | None:
-    """Parse one line of text; None for an empty line. time_s: arrival of its end."""
+    """Parse a line such as "NAME WORD FIELD=VALUE"; None for an empty line. time_s: arrival time of the line's end."""
     words = text.split()
     if not words:
         return None

@@ -29,8 +29,9 @@ def read_intel_hex(text: str, source: str) -> FirmwareImage:
 def read_intel_hex_rows(text: str, source: str) -> Rows:
     """Read all flash rows that an Intel HEX file sets, in ascending order. Raises `FirmwareFileError`.
 
-    source: name of the file. Bytes without a record are 00. The base of later addresses is set by records of two types:
-    in units of 16 bytes (segment), or as the upper 16 bits of the address (linear).
+    source: name of the file. Bytes without a record are 00. Returns (bytes, first line such as "line 12") by row. Two
+    types of records set the base of the addresses that follow: a segment record in units of 16 bytes, and a linear
+    record as the upper 16 bits of the address.
     """
     flash = bytearray(FLASH_SIZE)
     row_sources: dict[int, str] = {}

@@ -26,7 +26,8 @@ class OriginalImage:
     def metadata_row(self) -> bytes:
         """Build the last row of the flash, by which the original bootloader validates the image.
 
-        The checksum is the two's complement of the 8-bit sum of the image (vendor's Bootloader_v1_60; confirm).
+        The checksum is the two's complement of the 8-bit sum of the image. Source: the vendor's component
+        Bootloader_v1_60; not yet confirmed on a device.
         """
         metadata: bytes = StockMetadata.build(
             {

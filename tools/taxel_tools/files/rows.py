@@ -17,11 +17,12 @@ DEVICE_OFFSET: Final = 5
 
 
 def build_image(rows: Mapping[int, tuple[bytes, str]], source: str) -> FirmwareImage:
-    """Assemble a firmware image from flash rows; rows between them that the file does not set are zeros.
+    """Assemble a firmware image from flash rows; a row between the first and the last that the file omits is zero.
 
     rows: for each row number its 128 bytes, and the place in the file that sets the row ("line 12"). Raises
     `FirmwareFileError` for rows in the bootloader, outside the slots or in both slots, and for an invalid image.
     """
+    # Before the layout is known, the smallest bootloader is checked: the file of a bootloader has no image header.
     _check_bootloader(rows, min(layout.bootloader_rows for layout in LAYOUTS.values()), source)
     layout = _find_layout(rows, source)
     _check_bootloader(rows, layout.bootloader_rows, source)

@@ -179,7 +179,7 @@ class History:
         return [f"{fault}, {place}" if place else fault for fault, place in rows]
 
     def _add_details(self, run: int | None, record: TestRecord) -> None:
-        """Insert the measurements and findings of a test into the database. run: its row."""
+        """Insert the measurements and findings of a test into the database. run: row of the test in the table `run`."""
         self._connection.executemany(
             "INSERT INTO measurement VALUES (?, ?, ?, ?, ?, ?, ?, ?)",
             [

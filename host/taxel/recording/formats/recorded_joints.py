@@ -27,10 +27,10 @@ def get_joint_names(hand: Hand) -> tuple[str, ...]:
 def load_recorded_joints(
     path: str | os.PathLike[str], format_name: str, hand: Hand, grasp: str | None = None
 ) -> JointHistory | None:
-    """Return the measured joint angles of a recording on the clock of its frames; None if it contains none.
+    """Return the measured joint angles of a recording, with times on the clock of its frames; None without angles.
 
-    None also for a hand without geometry, whose joints have no names. format_name: key of `conversion.FORMATS`. grasp:
-    id of the grasp in a dataset. Raises JointFileError or RecordingFormatError for invalid angles.
+    Also None for a hand without geometry, whose joints have no names. format_name: key of `conversion.FORMATS`. grasp:
+    id of the grasp in a dataset; None: the first one. Raises JointFileError or RecordingFormatError for invalid angles.
     """
     names = get_joint_names(hand)
     source = Path(path)
@@ -53,7 +53,10 @@ def load_recorded_joints(
 
 
 def _read_dataset_joints(path: Path, names: tuple[str, ...], grasp: str | None) -> JointHistory | None:
-    """Return the joint angles of one grasp of a dataset; None if they are constant or missing."""
+    """Return the joint angles of one grasp of a dataset; None if the angles are missing.
+
+    Constant angles count as missing, because a conversion without measured angles writes constant ones.
+    """
     from taxel.recording.grasp_dataset import GraspDataset
 
     with GraspDataset(path) as data:
@@ -72,8 +75,9 @@ def _read_dataset_joints(path: Path, names: tuple[str, ...], grasp: str | None) 
 def load_joint_file(path: str | os.PathLike[str], hand: Hand, header: dict[str, Any]) -> JointHistory:
     """Read a file of joint angles (option `--joint-file`); return the angles on the clock of the recording's frames.
 
-    The times in the file are those of the stream, or Unix times. Unix times are converted with the offset
-    `epoch_offset_ns` of the recording's header: Unix time minus stream time. Raises JointFileError, HandGeometryError.
+    The times in the file are those of the stream, or Unix times if the first one is at least `UNIX_TIME_S`. Unix times
+    are converted with the offset `epoch_offset_ns` of the recording's header: Unix time minus stream time. Raises
+    JointFileError, HandGeometryError.
     """
     history = read_joint_file(path, build_kinematics(hand).robot.joint_names)
     if history.first_s >= UNIX_TIME_S:

@@ -14,9 +14,10 @@ class RecordingSink:
     """Writer of a capture or an MCAP file under a temporary name; the file gets its final name when it is complete."""
 
     def __init__(self, path: Path, overwrite: bool, has_joints: bool) -> None:
-        """Create the temporary file of the recording. has_joints: also that of the joint-angle file beside a capture.
+        """Create the temporary file of the recording.
 
-        Raises CaptureError if the system refuses, or if another program writes the output.
+        has_joints: also create the temporary file of the joint angles, which are stored beside a capture. Raises
+        CaptureError if the system refuses, or if another program writes the output.
         """
         self._path = path
         self._joints: PendingOutput | None = None
@@ -28,7 +29,7 @@ class RecordingSink:
             stack.pop_all()
 
     def open(self) -> tuple[LiveOutput, LiveOutput | None]:
-        """Open the temporary files; return (recording, joint-angle file), None without joints. Raises CaptureError."""
+        """Open the temporary files; return (recording, joint-angle file or None). Raises CaptureError."""
         with convert_output_errors(self._path):
             recording = LiveOutput.without_name(self._pending.part)
             return recording, None if self._joints is None else LiveOutput.without_name(self._joints.part)

@@ -59,13 +59,14 @@ class VirtualPort:
             if start is None:
                 raise CaptureError(link.name, "has no taxel frame to play")
         self._start: StreamStart = start
+        # The replies to the host use the sequence numbers directly before the first recorded frame.
         self._sequence = (start.sequence - RESERVED_SEQUENCES) % _SEQUENCE_MODULUS
         self._decoder = ReferenceDecoder()
         self._is_started = False
         self._master, slave = os.openpty()
         tty.setraw(slave)
         self.device = os.ttyname(slave)
-        os.close(slave)  # the master then reports a hang-up as long as no program has the port open
+        os.close(slave)  # the master reports a hang-up while no program has the port open, see `_is_open`
         os.set_blocking(self._master, False)
 
     def play(self, wait_s: float | None = None) -> bool:
@@ -96,10 +97,10 @@ class VirtualPort:
         return not any(event & select.POLLHUP for _, event in poll.poll(0))
 
     def _answer_handshake(self) -> None:
-        """Answer the host as a hub does until it sends START; return early if it sends nothing at first.
+        """Answer the frames of the host as a hub does, until the host sends START.
 
-        A host that has sent no frame within `HANDSHAKE_TIMEOUT_S` only reads; a host that has sent one is awaited
-        without limit.
+        Returns early if the host sends no frame within `HANDSHAKE_TIMEOUT_S`, because such a program only reads. After
+        the first frame of the host, the wait for START has no limit.
         """
         deadline_s = time.monotonic() + HANDSHAKE_TIMEOUT_S
         is_silent = True
@@ -149,6 +150,7 @@ class VirtualPort:
         The host then counts no lost frames between the replies and the recording.
         """
         empty = pack(Log, {field.name: 0 for field in list_fields(Log)})
+        # The upper bound ends the loop at once if the replies have used more numbers than are reserved.
         while 0 < (self._start.sequence - self._sequence) % _SEQUENCE_MODULUS <= RESERVED_SEQUENCES:
             self._send(FrameType.LOG, empty)
 

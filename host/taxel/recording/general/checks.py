@@ -35,9 +35,9 @@ def check_properties(properties: Properties, location: Location) -> None:
 
 
 def check_places(places: TaxelPlaces, n: int, location: Location) -> None:
-    """Raise DatasetError for an array of taxel properties with wrong values or not n rows.
+    """Raise DatasetError for an array of taxel properties with wrong values or without n rows.
 
-    n: number of taxels in the values of the contacts.
+    n: number of taxels in the values of the contacts. Numbers of sensors and electrode lines must be 0 to 255.
     """
     for item in fields(places):
         array = getattr(places, item.name)
@@ -50,8 +50,9 @@ def check_places(places: TaxelPlaces, n: int, location: Location) -> None:
             array_location.fail(expected, f"shape {array.shape}", "correct that array")
         if not np.isfinite(array).all():
             array_location.fail("finite numbers", "others", "correct that array, or leave it out if it is not known")
-        if item.name in _LINES and not ((array >= 0) & (array <= 255)).all():
-            array_location.fail("numbers from 0 to 255", format_value(int(array.max())), "number them from 0")
+        is_outside = (array < 0) | (array > 255)
+        if item.name in _LINES and is_outside.any():
+            array_location.fail("numbers from 0 to 255", format_value(int(array[is_outside][0])), "number them from 0")
     if (places.tx is None) != (places.rx is None):
         location.key("taxels").fail("both tx and rx, or neither", "one of them", "add the other one")
 

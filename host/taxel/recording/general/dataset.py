@@ -163,7 +163,10 @@ class GeneralDataset:
         return meshes
 
     def __iter__(self) -> Iterator[Contact]:
-        """Yield each contact in the order of ids; repeats of a condition are numbered from 0 if the file does not."""
+        """Yield each contact in the order of ids.
+
+        If the file has no repeat numbers, the repeats of a condition (object and approach) are numbered from 0.
+        """
         seen: Counter[tuple[str, str]] = Counter()
         for name in self.ids:
             contact = self._convert_grasp(name) if self._old is not None else self._read(name, seen)
@@ -188,8 +191,9 @@ class GeneralDataset:
     def _read(self, contact_id: str, seen: Counter[tuple[str, str]]) -> Contact:
         """Read and check one contact of a version 2 file.
 
-        seen: number of earlier contacts with each (object, approach), the repeat number of a contact without one. Force
-        and separation of a measured dataset are ignored. Raises DatasetError.
+        seen: number of earlier contacts with each (object, approach). A contact without a repeat number in the file
+        gets the number of earlier contacts with its labels. Force and separation are read only from simulated data.
+        Raises DatasetError.
         """
         location = self._location.key("grasps").key(contact_id)
         with convert_hdf5_errors(location):
@@ -282,7 +286,10 @@ def _read_phase(group: Any, location: Location) -> NDArray[np.uint8] | None:
 
 
 def _read_valid(group: Any, location: Location) -> NDArray[np.bool_] | None:
-    """Read whether each frame is valid, bool[T], from bool[T] or bool[T, s]; None without this array."""
+    """Read whether each frame is valid, bool[T]; None without this array.
+
+    The array is bool[T], or bool[T, s] with one entry for each sensor: a frame is valid if any sensor is valid.
+    """
     if "valid" not in group:
         return None
     flags = read_flags(group["valid"], location.key("valid"))

@@ -68,7 +68,7 @@ def read_number(attributes: Any, name: str, location: Location) -> float:
 
 
 def read_integer(attributes: Any, name: str, default: int, location: Location) -> int:
-    """Return an integer attribute; `default` if it is absent. Raises DatasetError for a value that is no integer."""
+    """Return an integer attribute, 0 to 2^53 - 1; `default` if it is absent. Raises DatasetError for other values."""
     if name not in attributes:
         return default
     value = _simplify(attributes[name])
@@ -80,13 +80,14 @@ def read_integer(attributes: Any, name: str, default: int, location: Location) -
 
 
 def read_array(item: Any, location: Location) -> NDArray[Any]:
-    """Read a numeric array of this file, item: `h5py.Dataset`.
+    """Read a numeric array in its stored type. item: `h5py.Dataset`.
 
     Raises DatasetError for another type, data in another file, and an array that is too large or expands too much.
     """
     if not isinstance(item, h5py.Dataset) or item.shape is None or item.dtype.kind not in _NUMBERS:
         kind = str(getattr(item, "dtype", "a group"))
         location.fail("an array of numbers", kind, "write numbers")
+    # 8 bytes for each number, because most callers convert the array to float64 or int64.
     if item.size * 8 > LARGEST_ARRAY_BYTES:
         location.fail(f"at most {LARGEST_ARRAY_BYTES // 8} numbers", str(item.size), "divide the contact")
     check_layout(item, location)
@@ -102,6 +103,7 @@ def read_integers(item: Any, location: Location) -> NDArray[np.int64]:
     """Read an array of integers, also stored as floating-point numbers, as i64. Raises DatasetError for fractions."""
     array = read_array(item, location)
     if array.dtype.kind == "f" or array.dtype == np.uint64:
+        # Integers from `_EXACT` on are refused, because float64 does not represent all of them.
         numbers = array.astype(np.float64)
         if not (np.isfinite(numbers) & (np.abs(numbers) < _EXACT) & (numbers == np.round(numbers))).all():
             location.fail("integers", "other numbers", "correct that array")

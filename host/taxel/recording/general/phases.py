@@ -37,6 +37,7 @@ def detect_phases(values: FloatArray) -> ByteArray | None:
     filled = fill_missing(values)
     baseline_frames = min(max(LEAST_REST, round(REST_SHARE * len(filled))), len(filled) // 2)
     change = filled - np.median(filled[:baseline_frames], axis=0)
+    # The small limits here and below only prevent a division by 0 for values without noise.
     noise = np.maximum(change[:baseline_frames].std(axis=0), 1e-9 * max(float(np.abs(change).max()), 1e-300))
     weighted = change / np.maximum(noise, np.median(noise))
     pattern = weighted[int(np.argmax((weighted**2).sum(axis=1)))]
@@ -56,11 +57,12 @@ def _make_phases(frames: int, touching: NDArray[np.intp], holding: NDArray[np.in
     """
     if not len(holding):
         return None
+    # From the last phase to the first: each assignment overwrites the start of the assignment before.
     phase = np.full(frames, Phase.RECOVERY, np.uint8)
     phase[: touching[-1] + 1] = Phase.RELEASE
     phase[: holding[-1] + 1] = Phase.HOLD
     phase[: holding[0]] = Phase.CLOSING
-    phase[: max(touching[0] - 1, 0)] = Phase.BASELINE  # the frame before the touch may contain a part of it
+    phase[: max(touching[0] - 1, 0)] = Phase.BASELINE  # the last frame before contact may contain the onset
     return phase
 
 
@@ -72,8 +74,10 @@ def fill_missing(values: FloatArray) -> FloatArray:
     missing = np.isnan(values)
     if not missing.any():
         return values
+    # Row of the latest value up to each row; 0 if there is none.
     rows = np.where(missing, 0, np.arange(len(values))[:, None])
     last = np.maximum.accumulate(rows, axis=0)
     filled = np.take_along_axis(values, last, axis=0)
+    # First value of each component: argmin returns the first False of `missing`.
     first = np.take_along_axis(values, np.argmin(missing, axis=0)[None], axis=0)
     return np.asarray(np.nan_to_num(np.where(np.isnan(filled), first, filled)))

@@ -34,9 +34,10 @@ class HoldMeans:
 
     @property
     def direction(self) -> Direction:
-        """Direction in which contact changes the values: that of the squared changes with the larger sum.
+        """Direction in which contact changes the values: `RAISES`, `LOWERS` or `SIGNED` (both directions).
 
-        `SIGNED` if the sums of squared increases and decreases differ too little (`CLEAR_SHARE`).
+        The sum of the squared increases is compared with that of the squared decreases. `SIGNED` if the two sums differ
+        by less than `CLEAR_SHARE` of their total.
         """
         change = np.nan_to_num(self.change)
         balance = float((change * np.abs(change)).sum()) / max(float((change**2).sum()), 1e-300)
@@ -66,7 +67,7 @@ def with_phases(contact: Contact) -> Contact | None:
 
 
 def compute_hold_means(contacts: Iterable[Contact]) -> HoldMeans:
-    """Compute the mean values of contacts in baseline and hold phase.
+    """Compute for each contact the mean values in the baseline phase, and their change in the hold phase.
 
     Contacts without phases, baseline frames or hold frames are left out.
     """

@@ -51,7 +51,8 @@ class Recording:
 def divide(recording: Recording, grouping: Grouping) -> Iterator[NDArray[np.intp]]:
     """Yield the frame indices of each contact of a recording, in order of the contacts' first frames.
 
-    Frames outside all contacts are left out. Raises DatasetError for a time that is not finite.
+    Frames outside all contacts are left out: their contact number is negative or not finite, or their contact name is
+    empty. Raises DatasetError for a time that is not finite.
     """
     _check_finite(recording)
     if recording.contact is not None:

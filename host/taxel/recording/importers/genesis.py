@@ -42,9 +42,10 @@ def read_genesis(
 ) -> tuple[GeneralHeader, list[Recording]]:
     """Read an array of a Genesis tactile sensor; return (header of the dataset, one recording for each environment).
 
-    field: name of the array; None: force, displacement, penetration, or the only array. has_environments: whether the
-    second axis is the environment. is_scalar: whether a last axis of length 3 counts probes instead of components.
-    Raises DatasetError for a missing array and other shapes.
+    field: name of the array; None: the first known name in the file (force, displacement, penetration, data), or the
+    only array. A penetration is always scalar. has_environments: whether the second axis is the environment. is_scalar:
+    whether a last axis of length 3 counts probes instead of components. Raises DatasetError for a missing array and
+    other shapes.
     """
     opened = open_source(path)
     name = field or _choose_array(opened)

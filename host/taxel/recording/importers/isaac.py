@@ -40,8 +40,9 @@ def read_isaac(
 ) -> tuple[GeneralHeader, list[Recording]]:
     """Read arrays of Isaac Lab; return (header of the dataset, one recording for each environment).
 
-    has_environments: whether the second axis of a force field is the environment; for contact sensors, and for a force
-    field [T, e, rows, columns], the number of axes shows it. Raises DatasetError for missing arrays and other shapes.
+    has_environments: whether the second axis of a force field with three axes is the environment. For contact sensors,
+    and for a force field [T, e, rows, columns], the number of axes shows whether the array has environments. Raises
+    DatasetError for missing arrays and other shapes.
     """
     opened = open_source(path)
     present = [name for name in (NORMAL, MATRIX, NET) if _find_field(opened, name)]
@@ -82,9 +83,10 @@ def _read_contact_forces(opened: Source, name: str, least: int) -> FloatArray:
 
 
 def _read_force_field(opened: Source, name: str, has_environments: bool) -> FloatArray:
-    """Return a TacSL force field of e environments and n points: f64[T, e, n], or f64[T, e, n, 3] with shear forces.
+    """Return a force field of e environments and n points: f64[T, e, n], or f64[T, e, n, 3] with shear forces.
 
-    name: path of the field with the normal forces. Raises DatasetError for another shape.
+    The force field is that of the visuotactile sensor TacSL of Isaac Lab. name: path of the field with the normal
+    forces. Raises DatasetError for another shape.
     """
     normal = opened.read_numbers(name).astype(np.float64)
     if normal.ndim not in (2, 3, 4):

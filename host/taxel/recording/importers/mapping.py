@@ -129,9 +129,9 @@ class Mapping:
     files: tuple[tuple[str, Labels], ...] = ()
 
     def find_labels(self, path: Path) -> Labels:
-        """Return the constant labels of a file.
+        """Return the constant labels of a file: labels of the patterns in `files` that match, else of the mapping.
 
-        Each label is that of the last matching pattern in `files` that states it, else that of the mapping.
+        If several matching patterns state a label, the last of these patterns determines the label.
         """
         labels = self.labels
         for pattern, labels_of_pattern in self.files:

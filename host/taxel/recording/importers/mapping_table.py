@@ -42,6 +42,7 @@ class MappingTable:
         if name not in self._values:
             return default
         value = self._values.pop(name)
+        # A larger integer, which float may not represent, is then refused as another type.
         if kind is float and type(value) is int and abs(value) < 1e300:
             value = float(value)
         if type(value) is not kind:

@@ -67,7 +67,7 @@ def read_mujoco_sensors(
 
     model: XML or MJB file. layout: description of the sensors instead of a model, see `parse_layout`. names: sensors to
     import; empty: all tactile ones. is_normal_only: import only the normal component of each taxel. Raises DatasetError
-    for a wrong number of values, an unknown sensor, and sensors of one together with sensors of three components.
+    for a wrong number of values, an unknown sensor, and a mixture of sensors with one and with three components.
     """
     opened = open_source(path)
     location = Location(str(model if model is not None else path))
@@ -97,7 +97,8 @@ def read_mujoco_sensors(
 def _read_sensor(data: Any, sensor: TactileSensor, is_vector: bool) -> FloatArray:
     """Return the values of a sensor: f64[T, n], or f64[T, n, 3] if `is_vector` (tangent 1, tangent 2, normal).
 
-    data: sensordata of T steps. Further channels, such as torques, are left out.
+    data: sensordata of T steps. A sensor stores the normal values of all taxels first, then tangent 1, then tangent 2.
+    Further channels, such as torques, are left out.
     """
     flat = data[:, sensor.start : sensor.start + sensor.taxels * sensor.channels].astype(np.float64)
     images = flat.reshape(len(data), sensor.channels, sensor.taxels)

@@ -111,7 +111,7 @@ def _find_table_time(source: Source) -> Field | None:
     A column whose name is no name of a time is selected only if it is the first one, increases, and is no counter.
     """
     rows = next(iter(source.fields.values())).shape[0]
-    named = [field for field in source.fields.values() if rank_time_name(field.name) < 4]  # 4: no name of a time
+    named = [field for field in source.fields.values() if rank_time_name(field.name) < 4]  # 4: no pattern matches
     found = find_time(source, rows, candidates=named)
     if found is not None:
         return found
@@ -138,8 +138,8 @@ def _guess_values(source: Source, used: set[str]) -> _Guess | None:
 def _guess_array(source: Source, field: Field, used: set[str]) -> _Guess:
     """Return the guess that the array `field` contains the taxel values.
 
-    The first axis is the contact if only the second axis has as many entries as a field of times. used: fields that are
-    labels and therefore no times.
+    The first axis is the contact if the file has no times for this axis, and a one-dimensional field has as many
+    entries as the second axis. used: fields that are labels and therefore no times.
     """
     lengths = {other.shape[0] for other in source.fields.values() if len(other.shape) == 1}
     times = [other for other in source.fields.values() if other.name not in {*used, field.name}]

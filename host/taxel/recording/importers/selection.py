@@ -22,8 +22,8 @@ from taxel.types import FloatArray
 def read_recording(source: Source, mapping: Mapping, labels: Labels) -> Recording:
     """Read the frames of a file by a mapping. labels: labels of all contacts of the file.
 
-    If the first axis of the arrays is the contact, the frames of all contacts follow each other in the result, and its
-    `contact` contains their numbers. Raises DatasetError for the first error.
+    If the first axis of the arrays is the contact, the result contains the frames of all contacts one after another,
+    and the contact number of each frame in its field `contact`. Raises DatasetError for the first error.
     """
     array = read_selection(source, mapping.values.selection, mapping.values.frame_axis)
     is_batch = mapping.grouping.axis
@@ -123,6 +123,7 @@ def shape_values(array: NDArray[Any], values: Values) -> FloatArray:
         return flat
     if values.order == "taxel":
         return flat.reshape(len(flat), n, AXES)
+    # Order "component": a frame contains x of all taxels, then y, then z.
     return np.ascontiguousarray(flat.reshape(len(flat), AXES, n).swapaxes(1, 2))
 
 
@@ -144,7 +145,7 @@ def read_times(source: Source, times: Times, frames: int, length: int | None = N
     if not frames:
         source.at(times.name).fail("at least one frame", "none", "check whether the recording is empty")
     if array.dtype.kind in "bu":
-        array = array.astype(np.int64)
+        array = array.astype(np.int64)  # a difference of unsigned numbers cannot be negative
     # Nanoseconds since 1970 exceed the 53 bits of float64; integers are subtracted before they are converted.
     start = array[0] if np.isfinite(array[0]) else 0
     return np.asarray((array - start).astype(np.float64) * TIME_UNITS[times.unit])
@@ -187,7 +188,10 @@ def _read_column(source: Source, name: str, frames: int, contacts: int | None = 
 
 
 def _read_flags(source: Source, name: str, frames: int) -> NDArray[np.bool_]:
-    """Read a field that states with 0 or 1 whether each frame is valid, as bool[T]. Raises DatasetError for others."""
+    """Read a field that states with 0 or 1 whether each frame is valid; return bool[T].
+
+    Raises DatasetError for other entries.
+    """
     array = _read_column(source, name, frames)
     location: Location = source.at(name)
     if array.dtype.kind not in "iufb" or not np.isin(array, (0, 1)).all():

@@ -90,7 +90,7 @@ def _read_fast(path: Path, separator: str, has_header: bool, width: int) -> list
 
 
 def _has_other_bytes(path: Path) -> bool:
-    """Whether a file contains control characters or bytes outside ASCII, behind the mark of UTF-8 at its start."""
+    """Whether a file contains control characters or bytes outside ASCII; a UTF-8 byte order mark is permitted."""
     with path.open("rb") as file:
         chunk = file.read(_FAST_BYTES).removeprefix(codecs.BOM_UTF8)
         while chunk:
@@ -104,6 +104,7 @@ def _read_rows(
     path: Path, separator: str, has_header: bool, names: list[str], location: Location
 ) -> list[NDArray[Any]]:
     """Read the columns of a table, numbers or strings. Raises DatasetError for rows of different lengths."""
+    # A file with more bytes than the largest permitted array is refused before its rows fill the memory.
     check_size((path.stat().st_size // 8,), 8, location)
     rows: list[list[str]] = []
     try:

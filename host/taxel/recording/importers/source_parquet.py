@@ -78,7 +78,7 @@ def _is_readable(arrow_type: Any) -> bool:
 
 
 def _is_text(arrow_type: Any) -> bool:
-    """Whether an Arrow column type is strings, also as entries of a dictionary."""
+    """Whether an Arrow column type is strings, plain or dictionary-encoded."""
     import pyarrow.types as types
 
     if types.is_dictionary(arrow_type):

@@ -111,7 +111,7 @@ def _stack(items: list[dict[str, Any]]) -> dict[str, Any]:
 
 
 def _make_field(name: str, entries: list[Any], location: Location) -> Field:
-    """Return a field of which each message of a topic gives one entry.
+    """Return a field with one entry for each message of a topic.
 
     If the shapes of the entries differ, the field can be listed, but reading it raises DatasetError.
     """

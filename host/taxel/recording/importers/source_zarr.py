@@ -27,7 +27,7 @@ def open_file(path: Path) -> Source:
         import zarr
     try:
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # of a part that zarr skips: it is an error below
+            warnings.simplefilter("ignore")  # zarr warns of a part that it skips; `_find_unread_node` reports it
             nodes = dict(sorted(_walk(zarr.open(str(path), mode="r"), ""), key=lambda item: item[0]))
     except Exception as error:  # zarr raises several types for a damaged store
         location.fail("a Zarr store", format_value(str(error).partition("\n")[0]), _DAMAGED)
@@ -61,9 +61,9 @@ def _walk(node: Any, path: str) -> Iterator[tuple[str, Any]]:
 def _find_unread_node(folder: Path, nodes: Mapping[str, Any]) -> str | None:
     """Return the path of the first folder with metadata that zarr has not read; None if there is none.
 
-    zarr skips an array or a group whose metadata are damaged, and takes an array of format 2 without the number of the
-    format for a group. folder: the store; a store in a single file is not examined. nodes: arrays and groups that zarr
-    has read, by path.
+    zarr skips an array or a group whose metadata are damaged. zarr reads an array of format 2 as a group if the
+    metadata lack the number of the format. folder: the store; a store in a single file is not examined. nodes: arrays
+    and groups that zarr has read, by path.
     """
     groups = [name for name, node in nodes.items() if not hasattr(node, "shape")] if folder.is_dir() else []
     for group in groups:

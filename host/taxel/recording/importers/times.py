@@ -31,7 +31,7 @@ be taken as milliseconds.
 def rank_time_name(name: str) -> int:
     """Return how certainly a field name indicates times: the index of its pattern in `_NAMES`, 0 for the most certain.
 
-    The number of patterns for a name that matches none.
+    A name that matches no pattern gets the number of patterns.
     """
     ranks = (rank for rank, pattern in enumerate(_NAMES) if pattern.fullmatch(name))
     return next(ranks, len(_NAMES))

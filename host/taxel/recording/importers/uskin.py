@@ -45,8 +45,8 @@ def read_uskin(
     """Read tables of uSkin sensors; return (header of the dataset, one recording for each table).
 
     source: "real" or "sim". prefix: common start of the column names to read, such as "raw_"; None: that of the first
-    columns. unit: unit of the values; the sensors give counts unless they are calibrated. Raises DatasetError for a
-    table without three columns for each taxel.
+    suitable columns. unit: unit of the values; the sensors give counts unless they are calibrated. Raises DatasetError
+    for a table without three columns for each taxel.
     """
     recordings = []
     for path in paths:
@@ -71,8 +71,8 @@ def read_uskin(
 def find_axes(table: Source, prefix: str | None) -> tuple[str, ...]:
     """Return the names of the columns: x, y, z of the first taxel, x, y, z of the second taxel, ...; empty if none.
 
-    prefix: common start of the column names; None: that of the first three or more columns. Raises DatasetError if a
-    taxel lacks an axis.
+    prefix: common start of the column names; None: the first prefix that three or more columns have. Raises
+    DatasetError if a taxel lacks an axis.
     """
     groups: dict[str, dict[tuple[int, str], str]] = defaultdict(dict)
     for name in table.fields:

@@ -48,16 +48,17 @@ class Column:
 
 @dataclass(frozen=True, eq=False)
 class CsvTable:
-    """The r rows of an imported CSV file.
+    """The r rows of an imported CSV file, or of several files that are imported together.
 
     line: i64[r], line number in the file. texts, numbers: columns by name, [r] strings and f64[r]; only the columns of
-    the file.
+    the file. row_sources: file of each row; None if all rows are from `source`.
     """
 
     source: FileLocation
     line: NDArray[np.int64]
     texts: Mapping[str, Sequence[str]]
     numbers: Mapping[str, FloatArray]
+    row_sources: Sequence[FileLocation] | None = None
 
     def has(self, name: str) -> bool:
         """Return whether the file has a column of this name."""
@@ -65,7 +66,8 @@ class CsvTable:
 
     def at(self, row: int, column: str = "") -> FileLocation:
         """Return the location of a row, and optionally a column, of the CSV file for an error message."""
-        return self.source.at(int(self.line[row]), column)
+        source = self.source if self.row_sources is None else self.row_sources[row]
+        return source.at(int(self.line[row]), column)
 
     def vectors(self, names: Sequence[str]) -> FloatArray | None:
         """Return the columns `names` of the CSV file as f64[r, len(names)]; None if the file has none of them.

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from taxel.errors import TaxelError
@@ -56,15 +57,17 @@ def _is_number(text: str) -> bool:
     return True
 
 
-def read_original_contacts(path: str | os.PathLike[str]) -> FloatArray:
-    """Read one contact file: f64[r, 3] raw contacts (x, y, z) or f64[r, 4] active points (x, y, z, force), metres, N.
+def read_original_contacts(path: str | os.PathLike[str]) -> tuple[NDArray[np.int64], FloatArray]:
+    """Read one contact file; return the line number of each row, i64[r], and the rows.
 
-    A first line of column names is permitted. Raises ImportDataError for the first error in the file.
+    The rows are f64[r, 3] raw contacts (x, y, z) or f64[r, 4] active points (x, y, z, force), metres, N. A first line
+    of column names is permitted. Raises ImportDataError for the first error in the file.
     """
     source, file = FileLocation(os.fspath(path)), Path(path)
     if not file.is_file():
         source.fail("a CSV file", "a folder" if file.is_dir() else "no such file", "check the path")
     rows: list[list[float]] = []
+    line_numbers: list[int] = []
     try:
         lines = list(read_csv_rows(file))
     except TextError as error:
@@ -91,9 +94,10 @@ def read_original_contacts(path: str | os.PathLike[str]) -> FloatArray:
         if len(values) == _ACTIVE_COLUMNS and values[3] < 0:
             source.at(number).fail("a force of 0 or more", f"{values[3]:g}", "give the norm of the force, newtons")
         rows.append(values)
+        line_numbers.append(number)
     if not rows:
         source.fail("lines with coordinates", "none", "check whether the simulation saved contacts")
-    return np.array(rows)
+    return np.array(line_numbers, np.int64), np.array(rows)
 
 
 def import_original_contacts(
@@ -171,9 +175,9 @@ def _make_table(files: Sequence[str | os.PathLike[str]], grasp: OriginalGrasp) -
     if not files:
         raise TaxelError("no contact file: give at least one file of the original simulator")
     names = [Path(file).stem for file in files]
-    parts = [read_original_contacts(file) for file in files]
-    for file, name, part in zip(files, names, parts, strict=True):
-        location = FileLocation(os.fspath(file))
+    lines, parts = zip(*(read_original_contacts(file) for file in files), strict=True)
+    locations = [FileLocation(os.fspath(file)) for file in files]
+    for location, name, part in zip(locations, names, parts, strict=True):
         if names.count(name) > 1:
             location.fail("files with different names", f"{name} twice", "rename one; the name is that of the grasp")
         if part.shape[1] != parts[0].shape[1]:
@@ -188,9 +192,9 @@ def _make_table(files: Sequence[str | os.PathLike[str]], grasp: OriginalGrasp) -
         "approach": [grasp.approach] * total,
     }
     numbers = {"iteration": np.repeat(np.arange(len(files), dtype=np.float64), lengths)}
-    line = np.concatenate([np.arange(1, length + 1) for length in lengths])
-    source = FileLocation(os.fspath(files[0]) if len(files) == 1 else f"{len(files)} contact files")
-    return CsvTable(source, line, texts, numbers), np.concatenate(parts)
+    source = locations[0] if len(files) == 1 else FileLocation(f"{len(files)} contact files")
+    row_sources = [location for location, length in zip(locations, lengths, strict=True) for _ in range(length)]
+    return CsvTable(source, np.concatenate(lines), texts, numbers, row_sources), np.concatenate(parts)
 
 
 def _place_centres(hand: Hand, centres: FloatArray, sensor_pose: FloatArray) -> FloatArray:

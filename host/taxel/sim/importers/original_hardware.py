@@ -181,6 +181,7 @@ def _compute_deviations(grasp: _HardwareGrasp, hand: Hand, sensor_pose: FloatArr
     """Compute the distances between recorded and modelled taxel positions, f64[p], metres, of the p recorded taxels."""
     centres = compute_taxel_positions(hand, sensor_pose[None])[0]
     # The recorded positions are in the world frame of the original stack, the centres in the frame of the robot's base.
+    # A row vector times the rotation matrix is rotated by the inverse rotation, from the world to the base.
     recorded = (grasp.position - BASE_IN_WORLD[:3, 3]) @ BASE_IN_WORLD[:3, :3]
     distances = np.linalg.norm(recorded - centres, axis=1)
     return np.asarray(distances[np.isfinite(distances)])
@@ -189,7 +190,8 @@ def _compute_deviations(grasp: _HardwareGrasp, hand: Hand, sensor_pose: FloatArr
 def _read_grasp(path: Path, hand: Hand) -> _HardwareGrasp:
     """Read the three files of a grasp. path: file of the active points; the other two are in the same folder.
 
-    Raises ImportDataError for an error in a file, and for files that contradict each other.
+    Both files of points have one row for each taxel. The row of a taxel is 0,0,0,0 in the file to which the taxel does
+    not belong. Raises ImportDataError for an error in a file, and for files that contradict each other.
     """
     match = _FILE_NAME.fullmatch(path.name)
     if match is None:

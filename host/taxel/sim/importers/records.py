@@ -109,12 +109,14 @@ def make_record(
 ) -> GraspRecord:
     """Make the dataset record of a grasp, with baseline frames and raw counts.
 
-    The noise of the counts depends only on the seed and the id. The frames are counted in the report. Raises
-    ImportDataError for too few baseline frames if the options do not add frames.
+    The noise of the counts depends only on the seed and the id. `sensor_pose` of the record is the pose in the middle
+    of the hold phase. The frames are counted in the report. Raises ImportDataError for too few baseline frames if the
+    options do not add frames.
     """
     added = _count_missing_baseline(grasp, options.baseline_frames, source)
     times, step = grasp.time_s, 1.0 / compute_frame_rate([grasp.time_s])
     before = times[0] - step * np.arange(added, 0, -1)
+    # In the added frames nothing touches the hand: the forces are 0, and the object is out of reach of every taxel.
     force = np.concatenate([np.zeros((added, grasp.contact_force.shape[1])), grasp.contact_force])
     separation = np.concatenate([np.full((added, grasp.separation.shape[1]), MISS_M), grasp.separation])
     rng = np.random.default_rng([options.seed, _STREAM, *grasp.id.encode()])

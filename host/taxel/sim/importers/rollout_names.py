@@ -89,10 +89,11 @@ def model_names(model: mujoco.MjModel, kind: str) -> list[str]:
 def find_parts(model: mujoco.MjModel, hand: Hand, model_map: Mapping[str, Any], source: FileLocation) -> ModelParts:
     """Find the parts of a MuJoCo model that belong to the boards of a hand and to the object.
 
-    model_map: as in the docstring of this module. source: location of the map, for errors. A board without an entry in
-    the map is the geom with the name of the board, or belongs to the body with the name of its link. A common prefix of
-    all these names, such as "link:" or "rh_", is found automatically. Raises ImportDataError for a name that the model
-    lacks, HandGeometryError for a hand without links.
+    model_map: names of the parts, with the optional keys "prefix", "object" and "boards". source: location of the map,
+    for errors. A board without an entry in the map is assigned to the geom that has the board's name. If the model
+    lacks these geoms, such boards are assigned to the bodies that have the names of the boards' links. A common prefix
+    of all these names, such as "link:" or "rh_", is found automatically. Raises ImportDataError for a name that the
+    model lacks, HandGeometryError for a hand without links.
     """
     for key in model_map:
         if key not in _KEYS:
@@ -193,9 +194,10 @@ class _PartFinder:
         return None
 
     def _fail_for_missing_body(self, links: Mapping[str, str], prefix: str | None) -> NoReturn:
-        """Raise ImportDataError for the first board without a body, with the prefix that fits most boards.
+        """Raise ImportDataError that names the first board whose link is not the name of a body in the model.
 
-        links: name of the link by board. prefix: given by the user, or None.
+        The names are compared with the prefix with which most links are names of bodies. links: name of the link by
+        board. prefix: given by the user, or None.
         """
         boards, bodies = list(links), self.names["body"]
         prefixes = [*self._possible_prefixes("body", links[boards[0]], prefix), prefix or ""]
@@ -235,6 +237,9 @@ class _PartFinder:
 
     def make_parts(self, entries: Mapping[str, tuple[str, int]], object_body: int, known_shape: str) -> ModelParts:
         """Combine the parts of all boards and of the object. Raises ImportDataError for two boards with the same geom.
+
+        The frame of a site is the frame of the board's bracket. A board at a geom or a body has the bracket pose of the
+        hand description.
 
         entries: (kind, index in the model) by board name. object_body: index of the object's body. known_shape: name of
         its shape or "".

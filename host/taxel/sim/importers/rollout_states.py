@@ -45,7 +45,8 @@ class RolloutStates:
     def rows_by_grasp(self) -> list[NDArray[np.intp]]:
         """Return the rows of each grasp, i64, in the order of the file.
 
-        Raises ImportDataError for a grasp whose rows are not consecutive, whose time decreases or whose labels change.
+        Raises ImportDataError for a grasp whose rows are not consecutive, whose times do not increase or whose labels
+        change.
         """
         boundaries = [row for row in range(1, len(self.grasp)) if self.grasp[row] != self.grasp[row - 1]]
         groups = np.split(np.arange(len(self.grasp)), boundaries)
@@ -75,7 +76,8 @@ class RolloutStates:
 def read_states(path: str | os.PathLike[str], sizes: dict[str, tuple[int, ...]], step_s: float) -> RolloutStates:
     """Read an .npz file of states. Raises ImportDataError for the first error in the file.
 
-    sizes: shape of one row of each array of `STATES`. step_s: time step of a file without times, seconds.
+    All arrays have one row for each state. As an exception, qpos, qvel and act may contain only the row of the first
+    state. sizes: shape of one row of each array of `STATES`. step_s: time step of a file without times, seconds.
     """
     source = FileLocation(os.fspath(path))
     arrays = _load_arrays(Path(path), source)

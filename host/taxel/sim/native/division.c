@@ -38,7 +38,8 @@ static void clip(struct polygon *polygon, const double *value)
     *polygon = clipped;
 }
 
-/* Cut off the part of a polygon in which `face` is outside the solid. */
+/* Cut off the part of a polygon in which the depth below the plane of `face` is negative: there the square is outside
+   the solid. */
 static void clip_outside(struct polygon *polygon, const struct sim_face *face)
 {
     double value[VERTICES_MAX];
@@ -119,6 +120,7 @@ static size_t find_candidates(const struct sim_solid *solid, const struct sim_li
     for (size_t face = 0; face < faces && count < SIM_PARTS_MAX; face++) {
         struct sim_face *view = &candidates[count];
         sim_view_face(solid, face, lines, i, min_slope, view);
+        /* The compared value is the smallest depth in the square. A view that is not counted is overwritten. */
         count += view->depth - fabs(view->change[0]) - fabs(view->change[1]) <= upper;
     }
     return count;
@@ -135,6 +137,7 @@ size_t sim_divide(const struct sim_solid *solid, const struct sim_lines *lines, 
     if (ranges->upper[i] <= 0.0) {
         return 0;
     }
+    /* The whole square is inside the solid, and the depth below one face is everywhere the smallest. */
     if (ranges->lower[i] >= 0.0 && ranges->second[i] > ranges->upper[i]) {
         sim_view_face(solid, (size_t)ranges->face[i], lines, i, min_slope, &parts[0].face);
         set_whole(&parts[0]);

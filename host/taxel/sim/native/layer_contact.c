@@ -113,7 +113,8 @@ static void add_cross(const double *a, double x, double y, double z, double *res
 }
 
 /* Add the force f and the stiffness K of one column to the load of its board: wrench (f, r x f), stiffness
-   (I; R) K (I; R)^T with the cross-product matrix R of the arm r, of which the lower triangle is set. Solid's frame. */
+   (I; R) K (I; R)^T with the cross-product matrix R of the arm r. Only the lower triangle of the stiffness is set. All
+   vectors are in the frame of the solid. */
 static void add_column(const struct column_contact *contact, double *wrench, double *stiffness)
 {
     const double *r = contact->arm, *f = contact->force;
@@ -204,6 +205,8 @@ static double press_part(const struct sim_layer *layer, const struct sim_part *p
     double force[2], rate[2];
     apply_law(&layer->law, larger_of(part->depth - part->deviation, 0.0), &force[0], &rate[0]);
     apply_law(&layer->law, part->depth + part->deviation, &force[1], &rate[1]);
+    /* The force law gives the component along the column's axis: the normal force is larger by 1 / slope. A motion
+       along the normal changes the depth by 1 / slope as well. */
     const double pressing = 0.5 * (force[0] + force[1]) * share * part->share / face->limited;
     const double stiffness = 0.5 * (rate[0] + rate[1]) * share * part->share / (face->limited * face->limited);
     for (size_t k = 0; k < 3; k++) {
@@ -240,8 +243,8 @@ static double join_parts(const struct column_sum *sum, struct column_contact *co
     return magnitude;
 }
 
-/* Add the load of column i with its `count` parts to wrench and stiffness of its board. Returns the force along the
-   axis of the column, newtons. */
+/* Add the load of column i with its `count` parts to wrench and stiffness of its board. advance: not 0: store where the
+   column sticks to the solid. Returns the force along the axis of the column, newtons. */
 static double load_column(struct sim_layer *layer, uint32_t piece, const double *pose, const struct sim_lines *lines,
                           size_t i, const struct sim_part *parts, size_t count, int advance, double *wrench,
                           double *stiffness)
@@ -276,7 +279,8 @@ static double load_column(struct sim_layer *layer, uint32_t piece, const double 
 
 /* Add the wrench, the stiffness and the taxel forces of one board at `pose` in the solid's frame; returns whether the
    board is in contact. Each piece is a column, which is divided along the edges of the solid and bears force in
-   proportion to its area. */
+   proportion to its area. advance: not 0: store where the columns stick to the solid; a column without contact then
+   loses its anchor. */
 static int load_board(struct sim_layer *layer, size_t board, const double *pose, double *wrench, double *stiffness,
                       double *taxel_force, int advance)
 {
@@ -310,8 +314,8 @@ static int load_board(struct sim_layer *layer, size_t board, const double *pose,
 }
 
 /* Compute wrench and stiffness on each board from its contact with the solid, in the world, and the force on each
-   taxel; see layer_contact.h. The near pieces of a board are searched again only after the board has moved farther,
-   relative to the solid, than the slack of the last search. */
+   taxel; see layer_contact.h. The last search for the near pieces of a board remains valid until the board has moved,
+   relative to the solid, by the distance slack_m; then the pieces are searched again. */
 void sim_layer_load(struct sim_layer *layer, const double *poses, const double *solid_pose, double *wrench,
                     double *stiffness, double *taxel_force, int advance)
 {

@@ -31,7 +31,8 @@ static void place_boards(struct sim_push *push)
 }
 
 /* Set the Jacobian of the motion of each bracket relative to the object: velocity, then angular velocity, world. The
-   sign of a degree of freedom is 1 if it moves the board, -1 if it moves the object, 0 for both or none. */
+   sign of a degree of freedom is 1 if it moves the board, -1 if it moves the object, 0 for both or none. MuJoCo refers
+   the motion of a degree of freedom to the centre of mass of its kinematic tree, where `arm` begins. */
 static void set_jacobian(struct sim_push *push)
 {
     for (size_t board = 0; board < push->boards; board++) {
@@ -51,14 +52,15 @@ static void set_jacobian(struct sim_push *push)
     }
 }
 
-/* Return a lower bound (metres) of the distance between a board's layer and the object at the last load. */
+/* Return a lower bound (metres) of the distance between a board's layer and the object at the last search for near
+   pieces; 0 for a board with near pieces. The motion since this search is not subtracted. */
 static double get_clearance(const struct sim_layer *layer, size_t board)
 {
     return layer->near_count[board] || layer->slack_m[board] < 0.0 ? 0.0 : layer->slack_m[board];
 }
 
-/* Choose the length of the next substep as a fraction of the time step, so that no board near the object moves farther
-   than motion_per_step_m, except a board that moves away from the object. */
+/* Choose the length of the next substep as a fraction of the time step, at least 1 / max_substeps. Above this minimum,
+   no board near the object moves farther than motion_per_step_m, except a board that moves away from the object. */
 static double choose_part(const struct sim_push *push, const struct sim_layer *layer)
 {
     double fastest = 0.0;

@@ -37,9 +37,9 @@ static void view_plane(const struct sim_lines *lines, size_t i, double distance,
     }
 }
 
-/* Compute the view of an upright cylinder's wall: the depth is a root of a quadratic equation, which gives the point
-   where line i, followed against its direction, leaves the wall. If the wall is too steep there, the depth is the
-   radial distance to the wall divided by min_slope. */
+/* Compute the view of an upright cylinder's wall: line i, followed against its direction, leaves the wall at the depth
+   d with |(x, y) - d (dx, dy)| = radius, which is a quadratic equation. If the wall is too steep there, the depth is
+   the radial distance to the wall divided by min_slope. */
 static void view_wall(const struct sim_solid *solid, const struct sim_lines *lines, size_t i, double min_slope,
                       struct sim_face *view)
 {
@@ -99,6 +99,7 @@ static void add_polytope_face(const struct sim_solid *solid, size_t face, const 
     for (size_t i = 0; i < count; i++) {
         const double limited = larger(-project(n, lines->direction, i), min_slope);
         const double depth = (offset - project(n, lines->point, i)) / limited;
+        /* The depth is linear over the square, so that it differs most from the depth at the middle in the corners. */
         const double extent = (fabs(project(n, lines->half[0], i)) + fabs(project(n, lines->half[1], i))) / limited;
         add_range(ranges, i, face, depth - extent, depth + extent);
     }

@@ -40,7 +40,8 @@ static void press_corner(struct sim_stand *stand, size_t corner, const double po
 {
     const double k_n = stand->stiffness_n_per_m, *up = stand->up;
     double shear[3];
-    /* k_n acts across and along the plane, so that a corner slides at a shear of friction * depth. */
+    /* The spring has the stiffness k_n both perpendicular to the plane and along it, so that the corner slides at a
+       shear of friction * depth. */
     const double length = find_shear(stand, corner, point, shear), limit = stand->friction * depth;
     const int slides = length > limit;
     const double rate = slides ? k_n * limit / length : k_n;

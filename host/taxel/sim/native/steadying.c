@@ -42,7 +42,8 @@ static void set_motion(const double *rotation, const double *centre, double moti
 
 /* Add the experimenter's hand, a damped spring in six directions from the object to its pose at the begin of the hold,
    to the equations of the object's motion. pose: position and quaternion [w, x, y, z] of the object. first: first of
-   the object's six degrees of freedom. No change at a firmness of 0. */
+   the object's six degrees of freedom. Directions 0 to 2 are translations, and use stiffness[0] and damping[0]; 3 to 5
+   are rotations. No change at a firmness of 0. */
 void sim_add_steadying(struct sim_steadying *steadying, const double *pose, const double *rotation, size_t first,
                        struct sim_equations *equations)
 {

@@ -61,7 +61,7 @@ def simulate_plugin_grasps(
     """
     original = replace(settings, sensing=Sensing("original"))
     grasps = []
-    for grasp in map_in_processes(_simulate, setup, plan, original, jobs, 2):
+    for grasp in map_in_processes(_simulate, setup, plan, original, jobs, 2):  # two grasps per task of a process
         grasps.append(grasp)
         progress(len(grasps), len(plan))
     return grasps

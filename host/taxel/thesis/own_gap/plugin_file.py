@@ -24,7 +24,9 @@ class PluginFileError(TaxelError):
 def write_plugin_grasps(path: Path, grasps: Sequence[PluginGrasp], settings: str) -> None:
     """Write grasps to an NPZ file atomically: an interrupted call leaves no incomplete file.
 
-    settings: one-line description of the simulation; `read_plugin_grasps` refuses the file for any other description.
+    The messages of all grasps are stored in one array, and so are the entries of all messages and the points of all
+    entries; the arrays `*_end` contain the bounds of the parts. settings: one-line description of the simulation;
+    `read_plugin_grasps` refuses the file for any other description.
     """
     messages = [message for grasp in grasps for message in grasp.messages]
     entries = [entry for message in messages for entry in message.entries]

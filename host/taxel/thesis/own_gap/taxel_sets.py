@@ -57,6 +57,7 @@ def make_taxel_sets(hand: Hand) -> TaxelSets:
         board[where] = row
         is_used[where] = BACK_KIND not in kind and item.name not in UNUSED_BOARDS
         has_no_coordinates[where] = coordinates is PluginCoordinates.ORIGIN
+        # MASKED_TAXELS counts the taxels from the first taxel of the board.
         is_masked[np.arange(hand.n_taxels)[where][list(MASKED_TAXELS.get(kind, ()))]] = True
     coded = load_coded_centres(hand)
     return TaxelSets(board, hand.position, coded, is_used, has_no_coordinates, is_masked & is_used)

@@ -111,7 +111,11 @@ class ContactSimulator:
         return np.asarray(np.interp(signal, self._table, TABLE_DEPTHS_M))
 
     def estimate(self, poses: ContactPoses, measured: FloatArray, usual: FloatArray | None = None) -> ContactEstimate:
-        """Estimate motions of object and boards from measured signals, and predict the signals there.
+        """Estimate motions of object and boards from measured signals, and predict the signals after these motions.
+
+        A first fit moves the surface of the object to the depths that the signals imply, which converges from far away.
+        Its result is one start of the fit of the signals, the mean of the prior is the other; the fit with the smaller
+        misfit is returned.
 
         poses: nominal poses. measured: f64[n], counts; NaN: not measured. usual: f64[6 + s], mean of the prior of the
         motions; None: 0.
@@ -151,7 +155,7 @@ class _MotionModel:
     def _find_directions(self) -> FloatArray:
         """Return the direction in which each board approaches the object, f64[s, 3], unit vectors in the world.
 
-        It is the mean outward normal of its taxels, with their measured signals as weights.
+        This direction is the mean outward normal of the board's taxels, with their measured signals as weights.
         """
         hand = self._simulator.hand
         normals = compute_taxel_normals(hand, self._poses.sensor)
@@ -162,7 +166,7 @@ class _MotionModel:
         return np.asarray(sums / np.maximum(np.linalg.norm(sums, axis=1, keepdims=True), 1e-12))
 
     def _move(self, motion: FloatArray) -> ContactPoses:
-        """Return the poses after the motions f64[6 + s]."""
+        """Return the poses after the motions f64[6 + s] of object and boards (see `ContactEstimate`)."""
         item = self._poses.object.copy()
         item[:3, :3] = from_rotation_vector(motion[3:6])[:3, :3] @ item[:3, :3]
         item[:3, 3] += motion[:3]
@@ -175,7 +179,10 @@ class _MotionModel:
         raise NotImplementedError
 
     def differentiate(self, parameters: FloatArray, errors: FloatArray) -> FloatArray:
-        """Return minus the derivatives of the errors, f64[n, 6 + s]; all boards approach in one evaluation."""
+        """Return minus the derivatives of the errors, f64[n, 6 + s], per standard deviation of the prior.
+
+        The approach of a board changes only the errors of its own taxels, so that one evaluation moves all boards.
+        """
         hand, prior = self._simulator.hand, self._simulator.prior_deviation
         slopes = np.zeros((len(errors), len(parameters)))
         for index in range(6):
@@ -222,7 +229,11 @@ class _SurfaceModel(_MotionModel):
         self._scale = DEPTH_ERROR_M / share**2
 
     def compute_errors(self, parameters: FloatArray) -> FloatArray:
-        """Return minus the distances beyond those that the signals imply, in units of `DEPTH_ERROR_M`, f64[n]."""
+        """Return the expected minus the present distance of each taxel's surface from the object, f64[n].
+
+        The unit is the scale of the error. An active taxel is expected at the depth that its signal implies, an
+        inactive taxel outside the object; a taxel without measurement has the error 0.
+        """
         simulator = self._simulator
         poses = self._move(parameters)
         tops = compute_taxel_positions(simulator.hand, poses.sensor)

@@ -120,7 +120,8 @@ def _add_row(history: ObjectHistory, values: list[float], place: str) -> None:
     try:
         history.add(values[0], np.array(values[1:4]), np.array(values[4:]))
     except ValueError as error:
+        # The message of `ObjectHistory.add` is "expected ..., found ...".
         expected, _, found = str(error).removeprefix("expected ").partition(", found ")
         raise TwinInputError(place, expected, found, "correct qw, qx, qy, qz") from None
-    if len(history) == count:
+    if len(history) == count:  # the history ignores a time that is not later than the last one
         raise TwinInputError(f"{place}: time_s", "a time after the line before", f"{values[0]:g}", "sort by time")

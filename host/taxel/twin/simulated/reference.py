@@ -87,6 +87,7 @@ class SimulatedReference(Reference):
         predicted = self.predictions.predict_frame(contact, time_s, measured)
         if predicted is None:
             return None
+        # The poses are estimated from this frame, so that the values of the hold phase apply in every phase.
         known, hold = self._make_expectation(predicted, contact.condition), HOLD.start
         near = int(np.clip(round(find_bin_position(contact, time_s)), CLOSING.start, RECOVERY))
         variance = (1.0 + 1.0 / known.repeats) * self.relative_variance[near] * known.scale[hold] ** 2
@@ -167,7 +168,8 @@ def _find_usual_motions(
 ) -> dict[Condition, FloatArray]:
     """Return the usual motion of the contacts of each condition, f64[6 + s]. poses: nominal poses of each step.
 
-    It is their median, shrunk towards 0 as if one more contact needed no motion.
+    The usual motion is the median of the motions of K contacts times K / (K + 1): it is shrunk towards 0 as if one more
+    contact needed no motion.
     """
     motions: dict[Condition, list[FloatArray]] = {}
     for step, nominal in zip(steps, poses, strict=True):

@@ -51,8 +51,10 @@ def fit(
 ) -> tuple[FloatArray, float]:
     """Search the parameters f64[p] with the smallest misfit; return them and the misfit.
 
-    The misfit is minus the logarithm of the posterior density up to a constant. start: f64[p]. iterations: largest
-    number of steps. degrees: degrees of freedom of the errors.
+    The method is iteratively reweighted least squares with Levenberg-Marquardt steps; the weights represent the Student
+    t distribution of the errors. The derivatives are per standard deviation of the prior, so that the prior adds the
+    unit matrix to the information. The misfit is minus the logarithm of the posterior density up to a constant. start:
+    f64[p]. iterations: largest number of steps. degrees: degrees of freedom of the errors.
     """
     parameters = start
     errors = model.compute_errors(parameters)

@@ -190,10 +190,11 @@ def _compute_chance_of_short(
 
 
 def _is_crossing_line_open(missing: FloatArray, index: int) -> BoolArray:
-    """Return which crossing lines are open: missing on all lines except `index` and `index + 1`, bool[crossing lines].
+    """Return which lines of the other axis (crossing lines) are open, bool[crossing lines].
 
-    missing: f64[lines, crossing lines], 1 for a missing crossing, NaN for a crossing without a taxel. An open crossing
-    line gives no evidence on the two lines.
+    A crossing line is open if all its crossings are missing, except for those with the lines `index` and `index + 1`,
+    which are not evaluated. An open crossing line gives no evidence on these two lines. missing: f64[lines, crossing
+    lines], 1 for a missing crossing, NaN for a crossing without a taxel.
     """
     outside_pair = np.delete(missing, [index, index + 1], axis=0)
     is_open = (np.nan_to_num(outside_pair, nan=1.0) == 1.0).all(axis=0)
@@ -204,10 +205,11 @@ def _compute_chance_of_equality(counts: RestCounts, pair: list[FloatArray]) -> t
     """Compute the probability that two healthy lines look at least as much like a short by chance.
 
     pair: hardware counts, their standard errors and relative capacitances of the two lines, f64[2, crossing lines]
-    each. Three independent properties are tested. The counts of the common crossings are equal: the product of the
-    shares of a normal distribution within the tolerance. The level of the common crossings deviates from the board's
-    median, and a crossing that only one line has is about half that level: one two-sided normal p-value each, combined
-    by Fisher's method.
+    each; NaN for a crossing that is not used. The result is the product of two probabilities:
+
+    - Equal counts at the common crossings: for each, the share of a normal distribution within the tolerance.
+    - Deviation from the median of the board: Fisher's method combines two p-values, of the mean of the common crossings
+      and of the mean of the crossings that only one line has. A short halves the level of the latter crossings.
 
     Returns the probability (1 if the lines do not look like a short) and the mean relative capacitance of the common
     crossings.

@@ -44,6 +44,7 @@ class Curve:
         """Force in N at which the mean loading branch has reached 95 % of its change of counts, interpolated."""
         fall = self.loading.mean(axis=0)[0] - self.loading.mean(axis=0)
         target = 0.95 * float(fall[-1])
+        # np.interp requires increasing values, but noise can reduce the fall from one force to the next.
         return float(np.interp(target, np.maximum.accumulate(fall), self.force_n)) if target > 0.0 else float("nan")
 
     @property
@@ -65,7 +66,7 @@ def _integrate(values: FloatArray, positions: FloatArray) -> float:
 def extrapolate_detectable_force(force_n: FloatArray, signal: FloatArray, error: float, sigmas: float = 3.0) -> float:
     """Extrapolate the smallest detectable force in N from the signals of small forces.
 
-    It is the force at which a line through the signals reaches `sigmas` standard errors. force_n: f64[k], increasing;
+    At this force, a line through the signals reaches `sigmas` standard errors. force_n: f64[k], increasing;
     signal: f64[k], in counts; error: standard error of one signal. The line passes through the origin, because the
     response of a layer is linear for small forces. Returns NaN without a positive slope.
     """

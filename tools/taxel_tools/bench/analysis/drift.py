@@ -44,6 +44,7 @@ def fit_drift(raw_counts: CountArray, time_s: FloatArray, step_s: float = 0.5) -
     centred = times - times.mean()
     slopes = (centred @ (means - means.mean(axis=0))) / (centred @ centred) * S_PER_MIN
     board = float(np.median(slopes))
+    # The error follows from the residual of the median taxel, because slow noise of the supply is common to all taxels.
     common = np.median(means - means.mean(axis=0), axis=1)
     residual = common - centred * board / S_PER_MIN
     error = float(np.sqrt(residual @ residual / max(len(times) - 2, 1) / (centred @ centred))) * S_PER_MIN

@@ -63,8 +63,9 @@ class Indentations:
 
     @cached_property
     def median_response(self) -> float:
-        """Median over indentations of the largest response of any taxel, which does not depend on the order of
-        lines.
+        """Median over indentations of the largest response of any taxel, in counts.
+
+        The indented taxel itself is not used, because swapped lines move its response to another taxel.
         """
         indented = self.indented_taxels
         return float(np.median(self.response[indented].max(axis=1))) if len(indented) else float("nan")
@@ -136,8 +137,9 @@ def _list_line_pairs(indentations: Indentations, axis: Axis, first: int, second:
 def _find_swapped_lines(indentations: Indentations, explained: BoolArray) -> tuple[list[Fault], BoolArray]:
     """Find pairs of exchanged lines: an indentation of one line appears on the other line.
 
-    explained: not used; the parameter exists because `_find_shorts` has it. Returns the faults and the taxels on
-    swapped lines, bool[taxels].
+    Lines count as exchanged if this is the case for more than half of the indentations. explained: not used, but
+    `find_response_faults` calls this function and `_find_shorts` with the same arguments. Returns the faults and the
+    taxels on swapped lines, bool[taxels].
     """
     kind, response, median = indentations.kind, indentations.response, indentations.median_response
     faults: list[Fault] = []
@@ -253,6 +255,7 @@ def measure_crosstalk(indentations: Indentations, ignored: BoolArray) -> list[Cr
             continue
         row = np.where(ignored, np.nan, indentations.response[taxel] / own)
         row[taxel] = np.nan
+        # A direct neighbour on the same line is on a neighbouring line of the other axis, so it counts as "between".
         masks = {
             "along TX lines": (tx == tx[taxel]) & (np.abs(rx - rx[taxel]) > 1),
             "along RX lines": (rx == rx[taxel]) & (np.abs(tx - tx[taxel]) > 1),

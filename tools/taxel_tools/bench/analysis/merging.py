@@ -36,8 +36,8 @@ def find_taxels(kind: BoardKind, place: str) -> BoolArray:
 def _is_refuted(kind: BoardKind, short: Fault, response_faults: list[Fault]) -> bool:
     """Return whether indentations refute a short that was detected at rest.
 
-    response_faults: faults found by indentations. The short is refuted if none of them concerns its taxels: two healthy
-    lines may measure equal counts by chance, but shorted lines never respond independently.
+    response_faults: faults found by indentations. The short is refuted if none of these faults concerns a taxel on the
+    two lines: healthy lines may measure equal counts by chance, but shorted lines never respond independently.
     """
     taxels = find_taxels(kind, short.place)
     return not any((taxels & find_taxels(kind, fault.place)).any() for fault in response_faults)

@@ -147,8 +147,10 @@ def _fit_components(kind: BoardKind, transform: ComplexArray) -> _Components:
     """Estimate the spectral densities of independent noise and of noise shared along TX lines, RX lines or by the
     board.
 
-    transform: Fourier transform of the counts, c128[frequencies, taxels]. The variance components of the two-way layout
-    follow from sums over lines, without a matrix of all pairs of taxels. An estimate can be negative.
+    transform: Fourier transform of the counts, c128[frequencies, taxels]. The noise of a taxel is the sum of these four
+    parts. Two taxels on no common line share only the board noise, and two taxels on one line also the noise of the
+    line. The mean covariances of these pairs follow from sums over lines, without a matrix of all pairs. An estimate
+    can be negative.
     """
     tx, rx = kind.tx.astype(int), kind.rx.astype(int)
     power = float((np.abs(transform) ** 2).sum(axis=1).mean())

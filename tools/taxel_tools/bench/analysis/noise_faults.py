@@ -57,8 +57,8 @@ def find_noise_faults(parts: NoiseParts, limits: Mapping[str, float]) -> list[Fa
 
     limits: largest permitted amplitude in counts, by name in `TITLES`. Leakage is the part of a component that appears
     in the estimate of another component (`_LEAKAGE`). A component is reported only if it exceeds the leakage of the
-    components reported before it. A slow change of the board is either drift or 1/f noise of the board, by the exponent
-    with which it grows over time; the other one is not evaluated.
+    components reported before it. A slow change of the board is either drift or 1/f noise of the board ("pink_board").
+    The exponent with which the change grows over time decides between these two; the other component is not evaluated.
     """
     amplitudes = parts.amplitudes()
     is_drift = parts.mean_change_exponent > DRIFT_EXPONENT

@@ -68,6 +68,7 @@ class EachTaxel:
             response = self._measure_response(board, force_n, diameter_m, frames, log)
         finally:
             board.probe.release()
+        # A response is the difference of two means of `frames` frames.
         error = sigma * np.sqrt(2.0 / frames)
         known_force_n = force_n if board.probe.has_known_force else float("nan")
         self._write_results(board, Indentations(board.kind, response, error, known_force_n), sigma, log)
@@ -91,7 +92,7 @@ class EachTaxel:
             response[taxel] = rest_counts - board.read_frames(frames, SETTLE_FRAMES).mean
             board.probe.release()
             if board.probe.is_automatic:
-                board.read_frames(1, SETTLE_FRAMES - 1)
+                board.read_frames(1, SETTLE_FRAMES - 1)  # Discards frames that may precede the release.
             else:
                 _wait_for_signal(board, rest_counts, is_pressed=False)
             log.report_progress((taxel + 1) / count)

@@ -41,8 +41,9 @@ class EmulatedProbe:
         self._kind = kind
         self._first_taxel = first_taxel
         positions_m = compute_flat_positions(kind, pitch_m)
+        # Without a described size, a taxel is a square whose side is the pitch.
         self._sides_m = np.full((kind.taxel_count, 2), pitch_m)
-        if positions_m is None:  # a bent board, as if its pitch were the same everywhere
+        if positions_m is None:  # A bent board has no flat positions: the same pitch is assumed everywhere.
             positions_m = pitch_m * np.stack([kind.row, kind.column], axis=1).astype(np.float64)
         elif kind.layout is not None and kind.surface is not None:
             self._sides_m = kind.surface.size

@@ -22,9 +22,9 @@ _BAND = (MIDDLE - 5, 10)  # Top and height in pixels.
 def build_axis(limit: Limit, values: Iterable[Value]) -> Axis:
     """Build the axis of a diagram that covers a limit and the measured values.
 
-    The axis extends from bound to bound with a margin at both ends. With a single bound, its width is the distance from
-    the bound to 0 or to the farthest value. It is extended by at most `_STRETCH_MAX` widths for values further outside;
-    values beyond its end are drawn as arrows.
+    The axis extends from bound to bound with a margin at both ends. With a single bound, the axis has the width of
+    the distance from the bound to 0 or to the farthest value. For values further outside, the axis is extended by at
+    most `_STRETCH_MAX` widths; values beyond its end are drawn as arrows.
     """
     finite = [value for value in values if isinstance(value, int | float) and math.isfinite(value)]
     least, largest = (min(finite), max(finite)) if finite else (0.0, 0.0)
