@@ -65,7 +65,7 @@ def test_the_page_contains_the_numbers_of_the_recorded_points(comparison):
     assert f"| {rows[0].active['2.34']} | {rows[0].active['5.12']} |" in DOCUMENT
 
 
-def test_a_wrong_posture_is_not_accepted_by_the_fit():
+def test_a_wrong_posture_moves_a_taxel_by_more_than_the_residual_of_the_fit():
     """Joint angles that are wrong by 0.05 rad move a taxel by more than 2 mm, far more than the residual of the fit."""
     closing = recorded_closings.recover("box")
     angles = np.array([closing.angles[f"joint_{4 + i}_0"] for i in range(4)])

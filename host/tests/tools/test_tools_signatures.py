@@ -203,7 +203,7 @@ def test_a_truncated_image_is_refused(run, write_files):
     assert "the file is truncated; copy it again" in refuse(run, files)
 
 
-def test_a_downgrade_is_refused_without_a_confirmation(run, write_files, monkeypatch):
+def test_a_downgrade_is_refused_without_a_confirmation(run, write_files):
     files = write_files(version=(0, 0, 1))
     run("sign", *files, "--development")
     err = run("flash", URL, *files, *BOARD)[2]

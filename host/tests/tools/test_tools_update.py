@@ -76,10 +76,8 @@ def test_an_interrupted_update_continues_at_the_first_missing_row(worlds, adapte
     world = worlds(boards=1)
     wire = adapter(world)
     firmware = make_firmware(size=4096)
-    rows = []
 
     def stop(progress) -> None:
-        rows.append(progress.done)
         if progress.stage == "writing" and progress.done == 20:
             raise KeyboardInterrupt
 
