@@ -1,7 +1,7 @@
 """Fixed layouts derived from the construct definitions: for the C header and for fast packing in Python."""
 
 import struct
-from collections.abc import Iterator, Mapping
+from collections.abc import Generator, Mapping
 from dataclasses import dataclass
 from functools import cache
 from typing import Any
@@ -42,11 +42,12 @@ def list_fields(definition: Struct) -> tuple[Field, ...]:
     return tuple(fields)
 
 
-def _walk(definition: Struct, prefix: str) -> Iterator[tuple[str, str, int, int | None]]:
-    """Yield (flat name, struct code, size, constant) of the fixed fields of a struct definition.
+def _walk(definition: Struct, prefix: str) -> Generator[tuple[str, str, int, int | None], None, bool]:
+    """Yield (flat name, struct code, size in bytes, constant) of the fields at the front of a struct definition.
 
-    Nested structs are included. prefix: start of the flat names. constant: value of a field with a fixed value, else
-    None.
+    The fields of nested structs are included. The walk ends before the first field without a fixed size, such as a tail
+    or an array: the offsets of later fields are unknown. Returns whether all fields have a fixed size. prefix: start of
+    the flat names. constant: value of a field that always has the same value, else None.
     """
     for renamed in definition.subcons:
         assert isinstance(renamed, Renamed)
@@ -57,29 +58,31 @@ def _walk(definition: Struct, prefix: str) -> Iterator[tuple[str, str, int, int 
             constant = int(inner.value)
             inner = inner.subcon
         if isinstance(inner, Struct):
-            yield from _walk(inner, name + "_")
+            if not (yield from _walk(inner, name + "_")):
+                return False
         elif isinstance(inner, FormatField):
             yield name, _FORMATS[inner.fmtstr], inner.length, constant
         elif isinstance(inner, Bytes):
             yield name, f"{inner.length}s", int(inner.length), None
         else:
-            return
+            return False
+    return True
 
 
 @cache
 def get_packer(definition: Struct) -> struct.Struct:
-    """Return the `struct.Struct` of the fixed fields of a struct definition."""
+    """Return the `struct.Struct` of the fields of `list_fields`."""
     return struct.Struct("<" + "".join(field.code for field in list_fields(definition)))
 
 
 @cache
 def _list_field_names(definition: Struct) -> tuple[str, ...]:
-    """Return the flat names of the fixed fields of a struct definition."""
+    """Return the flat names of the fields of `list_fields`."""
     return tuple(field.name for field in list_fields(definition))
 
 
 def pack(definition: Struct, values: Mapping[str, Any], tail: bytes = b"") -> bytes:
-    """Pack the values of the fixed fields of a struct, by flat name, to bytes and append `tail`.
+    """Pack the values of the fields of `list_fields`, by flat name, to bytes and append `tail`.
 
     Raises struct.error for a value out of range.
     """
@@ -89,9 +92,9 @@ def pack(definition: Struct, values: Mapping[str, Any], tail: bytes = b"") -> by
 
 
 def unpack(definition: Struct, data: bytes) -> tuple[dict[str, Any], bytes]:
-    """Unpack `data` to (values of the fixed fields of a struct by flat name, remaining bytes).
+    """Unpack `data` to (values of the fields of `list_fields` by flat name, remaining bytes).
 
-    Raises struct.error if `data` is shorter than the fixed fields.
+    Raises struct.error if `data` is shorter than these fields.
     """
     packer = get_packer(definition)
     return dict(zip(_list_field_names(definition), packer.unpack_from(data), strict=True)), data[packer.size :]

@@ -8,12 +8,12 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from construct import Const, GreedyBytes, Struct
+from construct import Const, GreedyBytes, Int8ul, Struct
 
 from taxel_protocol import ReferenceDecoder, crc32, encode_frame, frames, registers
 from taxel_protocol.frames import FRAMES
 from taxel_protocol.framing import cobs_decode, cobs_encode, decode_body, whiten
-from taxel_protocol.layout import flatten, pack, unpack
+from taxel_protocol.layout import flatten, list_fields, pack, unpack
 from taxel_protocol.names import FrameType
 from taxel_protocol.wire import WireFrame
 
@@ -157,6 +157,12 @@ def test_a_struct_in_a_tail_packs_to_the_tails_bytes(vector: dict[str, Any]) -> 
         )
         == data
     )
+
+
+def test_no_field_after_a_part_without_a_fixed_size_is_listed() -> None:
+    inner = Struct("first" / Int8ul, "tail" / GreedyBytes)
+    definition = Struct("head" / Int8ul, "inner" / inner, "last" / Int8ul)
+    assert [field.name for field in list_fields(definition)] == ["head", "inner_first"]
 
 
 @every_register

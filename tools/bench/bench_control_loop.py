@@ -66,17 +66,18 @@ def measure() -> list[Figure]:
 
 
 def count_periods(seconds: float = 5.0) -> dict[str, float]:
-    """Run the joint controller for `seconds` and count its control periods.
+    """Run the joint controller with a virtual hand for `seconds` and count its control periods.
 
-    Returns the statistics of `_run_controller` (periods, missed periods, lateness in us). `empty_loop_missed` is the
-    number of periods that an empty loop of the same duration misses directly afterwards.
+    Returns the statistics of the controller (periods, missed periods, lateness in us, complete readings). The key
+    `empty_loop_missed` is the number of periods that a loop without a controller, of the same duration, misses directly
+    afterwards: on a busy computer, such a loop misses periods, too.
     """
-    statistics = _run_loop(seconds)
+    statistics = _run_with_virtual_hand(seconds)
     empty = ControlLoop(PERIOD_S).run(lambda period: None, round(seconds / PERIOD_S))
     return statistics | {"empty_loop_missed": empty.missed}
 
 
-def _run_loop(seconds: float) -> dict[str, float]:
+def _run_with_virtual_hand(seconds: float) -> dict[str, float]:
     """Run the controller against a virtual hand in a second thread; return the statistics of `_run_controller`."""
     host_end, hand_end = can.Bus(_CHANNEL, "virtual"), can.Bus(_CHANNEL, "virtual")
     stop = threading.Event()

@@ -75,6 +75,7 @@ def _find_pin(text: str) -> str | None:
 
 def _parse(path: Path, text: str) -> Node:
     """Parse one S-expression to nested lists. Raises PinsError for unbalanced or too deeply nested brackets."""
+    error = PinsError(str(path), "file", "a complete KiCad netlist", "unbalanced brackets; export the netlist again")
     stack: list[Node] = [[]]
     for match in TOKEN.finditer(text):
         token = match[0]
@@ -82,15 +83,15 @@ def _parse(path: Path, text: str) -> Node:
             stack.append([])
         elif token == ")":
             if len(stack) == 1:
-                break
+                raise error
             complete = stack.pop()
             stack[-1].append(complete)
         else:
             stack[-1].append(re.sub(r"\\(.)", r"\1", token[1:-1]) if token[0] == '"' else token)
         if len(stack) > DEPTH_MAX:
-            break
+            raise error
     if len(stack) != 1 or len(stack[0]) != 1 or not isinstance(stack[0][0], list):
-        raise PinsError(str(path), "file", "a complete KiCad netlist", "unbalanced brackets; export the netlist again")
+        raise error
     return stack[0][0]
 
 

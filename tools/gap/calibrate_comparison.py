@@ -183,9 +183,13 @@ def predict(one: dict[str, Any], calibration: Calibration) -> dict[str, float]:
 
 
 def score_withheld(evidence: list[dict[str, Any]], folds: int, seed: int) -> dict[str, Any]:
-    """Return the scores on worlds whose form of cause the fit did not use, by family of worlds and for all.
+    """Return the scores of a cross-validation over the forms of causes, by family of worlds and for all.
 
-    Worlds without a cause are divided randomly among the folds.
+    A form is a functional variant of a cause (`BenchmarkWorld.forms`). The forms are divided randomly into `folds`
+    folds. For each fold, the logistic models are fitted to the worlds that contain none of its forms (the withheld
+    forms). The models then predict the probability of each cause in the worlds whose first cause has a withheld form,
+    and the scores compare these probabilities with the true causes. Worlds without a cause are divided randomly among
+    the folds. evidence: evidence of all worlds, from `run`.
     """
     rng = np.random.default_rng(seed)
     variants = sorted({variant for one in evidence for variant in one["forms"]})

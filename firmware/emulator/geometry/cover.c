@@ -290,8 +290,10 @@ static void reduce_wall_margins(const struct shape *shape, const struct cover_sq
     }
 }
 
-/* Write for each cell of a square whether the object may touch it. Returns a lower bound (metres) of the distance of
- * the nearest cell from the object, or 0 if a cell may touch. */
+/* Write for each of the 16 cells (SHAPE_LINES) of a square of skin whether the object may touch it. A shape is a convex
+ * polyhedron or a cylinder. planes: indices of those planes of a polyhedron that cells here can touch
+ * (cover_find_planes()); only these planes are tested. A cylinder is tested by its wall and caps, without `planes`.
+ * Returns a lower bound (metres) of the distance of the nearest cell from the object, or 0 if a cell may touch. */
 double cover_find_touched(const struct shape *shape, const struct cover_planes *planes,
                           const struct cover_square *square, bool touched[SHAPE_LINES])
 {

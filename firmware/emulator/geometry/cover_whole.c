@@ -96,8 +96,12 @@ static void set_wall(struct square_face *face, const struct shape *shape, const 
     }
 }
 
-/* Find the face of the object with the smallest depth over each of the 16 cells of a square: this face loads the
- * cell. */
+/* Find the face of the object with the smallest depth over each of the 16 cells (SHAPE_LINES) of a square of skin: this
+ * face loads the cell. Depth: distance (metres) from the top of the cell down to the face. whole: result; normal, slope
+ * and depth of this face are written for each cell, and the load is left to the caller. search: largest (`low`) and
+ * smallest depth (`high`) of this face over each cell, and smallest depth of all other faces (`other_high`); INFINITY
+ * before the first face is compared. planes: indices of the planes of a polyhedron that are compared; unused for a
+ * cylinder. */
 static void find_least(const struct shape *shape, const struct cover_planes *planes, const struct cover_square *square,
                        struct search *search, struct cover_whole *whole)
 {

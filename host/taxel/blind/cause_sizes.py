@@ -22,9 +22,14 @@ class CauseSizes:
     """
 
     def __init__(self, sim: Path) -> None:
-        """Prepare measurements. sim: simulated dataset, whose taxels and conditions all other datasets have."""
+        """Prepare the measurement of the gaps that causes produce.
+
+        sim: simulated dataset, with which each measured dataset is paired; it has the same taxels and conditions.
+        """
         self._sim = sim
+        # Faulty grasps of the simulated dataset: found by the first measurement, and reused by all others.
         self._faults: tuple[SimulatorFault, ...] | None = None
+        # Datasets without a cause that have already been read, by path.
         self._without: dict[Path, FitData] = {}
 
     def measure(self, real: Path, without: Path) -> float:

@@ -43,7 +43,7 @@ class PalmPlacement:
         azimuth_rad: direction from the object's axis to the palm, about z from x; on top: direction of the fingers.
         edge_z_m: largest coordinate of the object along the palm's z axis, towards the fingertips.
         thumb_rad: angles of th_j0 and th_j1, which are held.
-        axis_y_m: coordinate of the object's vertical axis along the palm's y axis.
+        axis_y_m: coordinate of the object's centre (on its vertical axis, at half height) along the palm's y axis.
         spread_rad: angle between index or little finger and the middle finger, held.
         indentation_m: displacement of the palm past first contact with the nominal object (object and skin yield).
         top: whether the palm faces down on the top face.
@@ -164,10 +164,12 @@ def compute_palm_surface_m(hand: Hand) -> float:
 def compute_palm_pose(item: GraspObject, placement: PalmPlacement, surface_m: float, gap_m: float = 0.0) -> FloatArray:
     """Compute the pose of the palm link in the object frame, f64[4, 4], for a placement of the palm on an object.
 
-    surface_m: x coordinate of the palm surface in the palm link frame. gap_m: from the palm surface to the object. On a
-    side face the palm's y axis points up, so that the fingers close horizontally; on top the fingers point along the
-    azimuth. The placement states the azimuth of the palm, the coordinate of the object's axis along the palm's y axis
-    (`axis_y_m`), and the largest coordinate of the object along the palm's z axis (`edge_z_m`).
+    The origin of the object frame is the centre of the object's base, z up. The palm's x axis points to the object. On
+    a side face the palm's y axis points up, so that the fingers close horizontally; on top the fingers point along the
+    azimuth. surface_m: x coordinate of the palm surface in the palm link frame. gap_m: from the palm surface to the
+    object. The placement states the azimuth of the palm, the coordinate of the object's centre (on the vertical axis,
+    at half height) along the palm's y axis (`axis_y_m`), and the largest coordinate of the object along the palm's z
+    axis (`edge_z_m`).
     """
     vertices = item.shape.mesh()[0]
     azimuth = np.array([np.cos(placement.azimuth_rad), np.sin(placement.azimuth_rad), 0.0])
@@ -176,7 +178,7 @@ def compute_palm_pose(item: GraspObject, placement: PalmPlacement, surface_m: fl
     if placement.top:
         x, z = -up, azimuth
         y = np.cross(z, x)
-        axis = np.zeros(3)
+        axis = np.zeros(3)  # the height of this point has no influence, because the palm's y and z are horizontal
     else:
         x, y = -azimuth, up
         z = np.cross(x, y)

@@ -125,16 +125,20 @@ def _find_mismatch(message_format: OriginalFormat, hand: Hand) -> str | None:
 
 
 def _apply_emulator_options(message_format: OriginalFormat, source: OriginalSource) -> OriginalFormat:
-    """Return the message format changed by the emulator options `message` and `accelerations` of the URL."""
+    """Return the message format changed by the emulator options `message` and `accelerations` of the URL.
+
+    message: "timestamp" (default; no change), "no_timestamp" (no timestamp after the address) or "high_byte_first"
+    (big-endian counts). accelerations: I2C addresses, separated by commas, of the boards that send three accelerations
+    after their counts; they replace the addresses of the format.
+    """
     kind = source.options.get("message", "timestamp")
     accelerated = tuple(int(text, 0) for text in source.options.get("accelerations", "").split(",") if text)
-    changed = replace(
+    return replace(
         message_format,
         has_timestamp=message_format.has_timestamp and kind != "no_timestamp",
         is_big_endian=message_format.is_big_endian or kind == "high_byte_first",
         accelerated=accelerated or message_format.accelerated,
     )
-    return changed if changed != message_format else message_format
 
 
 def _parse_baud(url: str, source: OriginalSource) -> float:

@@ -61,6 +61,7 @@ class _Layer(ctypes.Structure):
         ("near_faces", ctypes.c_void_p),
         ("search_pose", ctypes.c_void_p),
         ("slack_m", ctypes.c_void_p),
+        ("clearance_m", ctypes.c_void_p),
         ("anchor", ctypes.c_void_p),
         ("touched", ctypes.c_void_p),
     ]
@@ -139,8 +140,7 @@ class NativeContact:
         self._boards, self._taxels = len(hand.boards), hand.n_taxels
         self._arrays = ReferencedArrays()
         table = _build_table(hand)
-        self._near_count = np.zeros(self._boards, np.uintp)
-        self._slack_m = np.full(self._boards, -1.0)  # a search is due
+        self._clearances_m = np.zeros(self._boards)
         solid = self._describe_solid(shape)
         faces = int(solid["faces"])
         friction = friction or LayerFriction()
@@ -160,12 +160,13 @@ class NativeContact:
             shear_stiffness_n_per_m=friction.stiffness_n_per_m,
             **solid,
             near=self._arrays.add(np.empty(len(table.position), np.uint32)),
-            near_count=self._arrays.add(self._near_count),
+            near_count=self._arrays.add(np.zeros(self._boards, np.uintp)),
             near_normals=self._arrays.add(np.empty((self._boards, faces, 3))),
             near_offsets=self._arrays.add(np.empty((self._boards, faces))),
             near_faces=self._arrays.add(np.zeros(self._boards, np.uintp)),
             search_pose=self._arrays.add(np.zeros((self._boards, 4, 4))),
-            slack_m=self._arrays.add(self._slack_m),
+            slack_m=self._arrays.add(np.full(self._boards, -1.0)),  # below 0: a search is due
+            clearance_m=self._arrays.add(self._clearances_m),
             anchor=self._arrays.add(np.zeros((len(table.position), 3))),
             touched=self._arrays.add(np.zeros(len(table.position))),
         )
@@ -192,8 +193,11 @@ class NativeContact:
         return self._compute(sensor_poses, object_pose, None, advance)
 
     def get_clearances(self) -> FloatArray:
-        """Return a lower bound of the distance of each board's layer from the solid at the last load, f64[s], m."""
-        return np.where(self._near_count > 0, 0.0, np.maximum(self._slack_m, 0.0))
+        """Return a lower bound of the distance of each board's layer from the solid at the last load, f64[s], m.
+
+        0 before the first load.
+        """
+        return self._clearances_m.copy()
 
     def compute_taxel_forces(self, sensor_poses: FloatArray, object_pose: FloatArray) -> FloatArray:
         """Compute the contact force on each taxel, f64[n], newtons.

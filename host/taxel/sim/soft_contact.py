@@ -186,6 +186,7 @@ class SoftContact:
         self._touched = np.zeros(self.sheet.n_taxels)  # share of the area of each piece at the last advance
         self._piece_size_m = float(np.linalg.norm(self.sheet.size, axis=1).max()) / 2
         self._search_poses: FloatArray | None = None  # poses of the boards when `_near_pieces` was computed
+        self._motion_m = np.zeros(len(hand.boards))  # largest possible motion of a piece of each board since then
         radius = np.linalg.norm(self.sheet.position, axis=1) + self._piece_size_m
         boards = range(len(hand.boards))
         self._board_radius_m = np.array([radius[self.sheet.board_index == board].max() for board in boards])
@@ -220,7 +221,8 @@ class SoftContact:
     def get_clearances(self) -> FloatArray:
         """Return a lower bound of the distance of each board's layer from the solid at the last load, f64[s], m."""
         boards = np.arange(len(self.hand.boards))
-        return np.where(np.isin(boards, self.sheet.board_index[self._near_pieces]), 0.0, NEAR_M)
+        is_near = np.isin(boards, self.sheet.board_index[self._near_pieces])
+        return np.where(is_near, 0.0, NEAR_M - self._motion_m)
 
     def compute_taxel_forces(self, sensor_poses: FloatArray, object_pose: FloatArray) -> FloatArray:
         """Compute the contact force on each taxel along its normal, f64[n], newtons.
@@ -290,8 +292,11 @@ class SoftContact:
 
         board_poses: f64[s, 4, 4], brackets in the object's frame.
         """
-        if self._search_poses is None or self._bound_motion(board_poses - self._search_poses) > NEAR_M:
+        if self._search_poses is not None:
+            self._motion_m = self._bound_motions(board_poses - self._search_poses)
+        if self._search_poses is None or self._motion_m.max() > NEAR_M:
             self._find_near_pieces(board_poses)
+            self._motion_m = np.zeros(len(board_poses))
         pieces = self._near_pieces
         points, axes = self._compute_lines(board_poses, pieces)
         tops = points + self._layer_m * axes
@@ -314,15 +319,15 @@ class SoftContact:
         points = np.einsum("mij,mj->mi", pose[:, :3, :3], self.sheet.position[pieces]) + pose[:, :3, 3]
         return points, np.einsum("mij,mj->mi", pose[:, :3, :3], self.sheet.normal[pieces])
 
-    def _bound_motion(self, pose_change: FloatArray) -> float:
-        """Compute an upper bound of the motion of any piece of the sheet, metres.
+    def _bound_motions(self, pose_change: FloatArray) -> FloatArray:
+        """Compute an upper bound of the motion of any piece of each board, f64[s], metres.
 
         The Frobenius norm of the change of a rotation matrix is an upper bound of its effect on a unit vector.
         pose_change: f64[s, 4, 4], change of the poses of the boards since the last search for pieces near the object.
         """
         rotation = np.sqrt(np.einsum("sij,sij->s", pose_change[:, :3, :3], pose_change[:, :3, :3]))
         translation = np.sqrt(np.einsum("si,si->s", pose_change[:, :3, 3], pose_change[:, :3, 3]))
-        return float(np.max(translation + rotation * self._board_radius_m))
+        return np.asarray(translation + rotation * self._board_radius_m)
 
     def _find_near_pieces(self, board_poses: FloatArray) -> None:
         """Find and store the pieces of the sheet that can touch the object before a board has moved by `NEAR_M`."""

@@ -76,7 +76,13 @@ class TwinSession:
         yield Update(tuple(results), tuple(events), None, 0, self._repair)
 
     def take(self, block: Block) -> Update:
-        """Process one block of poll cycles; return its results."""
+        """Process one block of poll cycles; return its results.
+
+        The twin compares all poll cycles of the block with its reference, but a frame is predicted for display only for
+        the newest one. `skipped` counts the other poll cycles of a live source, which are not displayed because the
+        processing is behind. A recording is read in large blocks on purpose, so none of its poll cycles counts as
+        skipped.
+        """
         events: list[Event] = [*self._find_gaps(block), *self._find_exchanged_boards(float(block.time_s[0]))]
         results = [*self._begin_session(float(block.time_s[0])), *self.twin.take(*block)]
         faults, self._faults = self._faults, []
@@ -85,7 +91,6 @@ class TwinSession:
         if self._naming is not None:
             self._naming.set_alarms([test.alarm for test in self.twin.active.values()])
             events += self._naming.add(self._recorder.take(*block))
-        # All poll cycles are compared; only the newest one of the block is predicted and shown.
         skipped = len(block.time_s) - 1 if self._source.is_live else 0
         self.skipped += skipped
         frame = predict_frame(self.twin, float(block.time_s[-1]), block.raw_counts[-1], block.valid[-1])

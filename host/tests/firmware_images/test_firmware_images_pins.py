@@ -81,6 +81,7 @@ def test_the_pins_of_a_hub_are_imported(run):
         (format_kicad(SENSOR_NETS, "U2"), "board.txt: U1: expected nets at port pins such as P2.0, found none"),
         (format_kicad(SENSOR_NETS)[:200], "board.txt: file: expected a complete KiCad netlist"),
         ("(" * 100000, "board.txt: file: expected a complete KiCad netlist"),
+        (format_kicad(SENSOR_NETS) + ")", "board.txt: file: expected a complete KiCad netlist"),
         ("name;pin\n", "board.txt: line 1: expected the columns net and pin"),
         (format_csv({"TX0": "7"}), "board.txt: line 2, pin: expected a port pin such as P2.0, found '7'"),
         (format_csv(SENSOR_NETS | {"TX3": "P2.3"}), "board.txt: TX2: expected nets numbered from 0 without a gap"),

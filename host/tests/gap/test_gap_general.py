@@ -189,6 +189,13 @@ def test_frames_at_the_edge_of_two_nodes_do_not_depend_on_rounding_of_times(pair
 
 
 def test_two_real_datasets_have_the_variance_of_both_in_the_floor(pair, tmp_path):
+    """Two halves of one real dataset without a cause, with two sessions each, are compared with `--real-real`; without
+    this option the pair is refused.
+
+    The squared floor is the sum of the variances of both means. With equal variances, the floor is sqrt(2) = 1.41 times
+    the floor of one half beside the simulation. The limit 1.1 permits the error of variances from two sessions. The
+    status is not "explained", because there is no cause, and because a verdict needs three sessions.
+    """
     days = []
     for day in range(2):
         sessions = [2 * day, 2 * day + 1]

@@ -102,11 +102,16 @@ def test_browser_shows_colours_texts_and_banners_and_its_buttons_work(browser):
     assert browser.page.problems == []
 
 
-def test_server_listens_on_loopback_and_requests_no_public_address(fake_skin):
+def test_server_listens_on_loopback_and_cannot_be_shared_by_a_public_address(fake_skin):
+    """The function of viser that requests a public address from a relay is replaced by a function that does nothing."""
     web = pytest.importorskip("taxel.monitor.web", reason="no viser: pip install 'taxel[web]'")
     pytest.importorskip("viser")
+    from taxel.monitor.web.server import _disable_sharing
+
     with web.WebView(fake_skin("flat8").monitor, "fake", 0) as view:
         assert view._server.get_host() == "127.0.0.1"
+        # viser's own function also returns None if its relay cannot be reached.
+        assert view._server.request_share_url is _disable_sharing
         assert view._server.request_share_url() is None
 
 

@@ -6,7 +6,13 @@ import pytest
 from taxel.grasp.shapes import ConvexPolytope, Cylinder
 from taxel.hand import load_hand
 from taxel.hand.kinematics import compute_taxel_positions
-from taxel.sim.cone_sensing import NOMINAL_FORCE_N, ConeSensing, assign_nominal_force, compute_base_radius
+from taxel.sim.cone_sensing import (
+    CONTACT_OFFSET_M,
+    NOMINAL_FORCE_N,
+    ConeSensing,
+    assign_nominal_force,
+    compute_base_radius,
+)
 from taxel.sim.sensor_model import SimSensor
 
 HAND = load_hand("allegro")
@@ -50,19 +56,21 @@ def test_the_cones_of_the_palm_touch_an_object_only_within_the_contact_offset(ga
 
 
 def test_an_upright_rod_activates_the_taxels_above_its_end_and_wide_cones_also_their_neighbours():
-    """A tip up to 0.2 mm beside the rod touches the rod.
+    """The tips of the cones above the rod touch its end, also up to the contact offset (0.2 mm) beside the rod.
 
-    A wide cone, whose base radius is one pitch larger, reaches 7.2 mm: the distance from its tip to its base's rim.
+    Narrow cones activate only the taxels with a touching tip. Wide cones, whose base radius is one pitch larger, also
+    activate each taxel whose centre is nearer to a touching tip than the rim of a base is. Every tip has the same
+    height above the plane of the taxels, so the horizontal distance to the tip is then less than the base radius.
     """
-    rod_radius_m, offset_m, wide_threshold_m = 0.004, 0.0002, 0.0072
+    rod_radius_m, wide_radius_m = 0.004, compute_base_radius(HAND, pitches=1)
     rod = Cylinder(rod_radius_m, 0.1)
     poses = place_palm_above(0.0, rod)
     narrow = ConeSensing(compute_base_radius(HAND)).find_active(HAND, rod, poses, IDENTITY)[0]
-    wide = ConeSensing(compute_base_radius(HAND, pitches=1)).find_active(HAND, rod, poses, IDENTITY)[0]
+    wide = ConeSensing(wide_radius_m).find_active(HAND, rod, poses, IDENTITY)[0]
     centres = compute_taxel_positions(HAND, poses)[0]
-    np.testing.assert_array_equal(narrow[PALM], np.hypot(*centres[PALM, :2].T) <= rod_radius_m + offset_m)
+    np.testing.assert_array_equal(narrow[PALM], np.hypot(*centres[PALM, :2].T) <= rod_radius_m + CONTACT_OFFSET_M)
     distance = np.linalg.norm(centres[:, None, :2] - centres[None, narrow, :2], axis=2).min(axis=1)
-    np.testing.assert_array_equal(wide[PALM], distance[PALM] < wide_threshold_m)
+    np.testing.assert_array_equal(wide[PALM], distance[PALM] < wide_radius_m)
     assert 0 < narrow.sum() < wide.sum() < PALM_TAXELS
 
 

@@ -98,6 +98,19 @@ def test_loads_of_an_upright_solid_agree_with_the_numpy_reference(name):
         assert compare_loads(native, reference, np.eye(4)[None], object_pose).wrench[0, 2] < -1.0
 
 
+@pytest.mark.parametrize("contact_class", [NativeContact, SoftContact])
+def test_the_clearance_of_an_approaching_solid_is_at_most_its_distance(contact_class):
+    """The steps are smaller than the distance from which on a step of the simulation is divided."""
+    hand = load_hand("flat8")
+    contact = contact_class(hand, SHAPES["box"], LAW)
+    object_pose = np.eye(4)
+    lowest = SHAPES["box"].mesh()[0][:, 2].min()
+    for distance in np.arange(0.029, 0.0, -0.0003):
+        object_pose[2, 3] = hand.layer_m - lowest + distance
+        assert not contact.compute_load(np.eye(4)[None], object_pose).wrench.any()
+        assert contact.get_clearances()[0] <= distance + 1e-12
+
+
 @cache
 def build_object_scene(name):
     """Build the scene of the Allegro hand and the test object `name`."""

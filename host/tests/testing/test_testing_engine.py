@@ -106,7 +106,7 @@ def test_the_other_phases_run_after_an_error_in_one_phase(make_plan, phase, run)
     record = run(make_plan(THREE_PHASES), phases)
     assert (record.outcome, list_outcomes(record)) == (Outcome.ERROR, ["error", "pass", "pass"])
     assert record.phases[0].problem == "board 0x21: no answer; check it"
-    assert len(record.phases[0].measurements) == 1
+    assert len(record.phases[0].measurements) == 1  # `raise_in_phase` makes one measurement before the error
 
 
 def test_an_operating_system_error_names_the_file(make_plan, phase, run):

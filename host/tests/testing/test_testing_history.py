@@ -51,7 +51,11 @@ def test_a_board_is_compared_with_its_earlier_tests(path, make_board_record):
     assert (change.value, change.last, change.median, change.runs, change.has_moved) == (4.2, 5.0, 4.5, 2, False)
 
 
-def test_a_record_is_not_compared_with_itself(path, make_board_record):
+def test_a_record_is_compared_only_with_records_added_before_it(path, make_board_record):
+    """The first record has no earlier record, and the second has one: no record is compared with itself or later ones.
+
+    `runs` is the number of earlier records that contain the measurement.
+    """
     first, second = make_board_record(4.0), make_board_record(4.4)
     with History(path) as history:
         history.add(first)

@@ -221,7 +221,12 @@ def test_an_update_works_over_a_serial_port(make_hub_firmware):
         link.close()
 
 
-def test_a_hub_update_shares_the_link_with_frames_in_real_time(make_hub_firmware):
+def test_a_hub_update_in_real_time_ends_with_frames_of_the_boards_polled_before(make_hub_firmware):
+    """On one link, the application of the hub sends frames, and its bootloader exchanges packets during the update.
+
+    Before the update, the hub polls the four boards of the hand (`polled_addresses`). After the update, the new image
+    1.2.3 must send a frame of each of these boards; otherwise the update ends with an error.
+    """
     link = EmulatorLink(format_world(load_hand("rig4"), WorldSettings(usb_latency_ms=1.0)))
     try:
         target = HubTarget(link)

@@ -148,7 +148,10 @@ def _find_numbers(
 
 
 def _find_interrupts(results: Measurements) -> Iterator[Finding]:
-    """Judge the interrupt numbers of both serial blocks and of the converter, which the firmware assumes."""
+    """Judge the interrupt numbers of both serial blocks and of the converter, which the firmware assumes.
+
+    The findings belong to step 4 of docs/bring-up.md.
+    """
     points = (
         ("scb0", "interrupt of SCB0", 10),
         ("scb1", "interrupt of SCB1", 11),
@@ -158,13 +161,13 @@ def _find_interrupts(results: Measurements) -> Iterator[Finding]:
 
 
 def _find_sample_clock(results: Measurements) -> Iterator[Finding]:
-    """Judge the number of the converter's sample clock."""
+    """Judge the number of the converter's sample clock (step 5 of docs/bring-up.md)."""
     points = (("sample_clock", "sample clock of the converter", 5),)
     yield from _find_numbers(5, results.lines.get("converter"), points, "part/peri_clk.h")
 
 
 def _find_sense_clock(results: Measurements, capacitors: int) -> Iterator[Finding]:
-    """Judge the number of the converter's sense clock.
+    """Judge the number of the converter's sense clock (step 5 of docs/bring-up.md).
 
     capacitors: integration capacitors of the board, 1 or 2. The number is found by conversions, preferably with the
     circuit that the board has, otherwise with the other circuit.

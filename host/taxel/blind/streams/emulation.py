@@ -155,9 +155,10 @@ def _write_reference(
     """
     poses = {(one.object, one.name): (plan.bracket_poses, one.held_pose) for one in plan.approaches}
     recorder = ContactRecorder(ContactSchedule([to_contact(one) for one in contacts]), poses)
-    of_reference = cycles.between(0.0, end_s + 1.0)
+    recorded_s = end_s + 1.0
+    of_reference = cycles.between(0.0, recorded_s)
     records = recorder.take(of_reference.time_s, of_reference.raw_counts, of_reference.valid)
-    rate_hz = len(of_reference.time_s) / end_s
+    rate_hz = len(of_reference.time_s) / recorded_s
     with open_campaign_writer(path, "real", plan.setup, rate_hz, "reference", True) as out:
         for _, record in records:
             out.add(record)

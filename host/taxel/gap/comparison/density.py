@@ -93,8 +93,13 @@ class BlockDensity:
         return max(float(np.sqrt(max(error2, 0.0))), self._settings.smallest_model_error)
 
     def compute_simulated_floor2(self) -> float:
-        """Compute the squared gap that the variation between simulated repeats alone causes, counts^2; 0 if it is
-        unknown.
+        """Compute the squared gap that the variation between simulated repeats alone causes, counts^2; 0 if the
+        variation is unknown.
+
+        A squared gap is the sum over features of the mean over conditions and taxels of weight times squared difference
+        (`sum_terms`). The expected squared difference is here the variance of the simulated mean, counts^2, times
+        `repeat_share`, the part of this variance that remains after planned repeats cancel each other (1 for random
+        repeats). `_share` holds the weights of the features, 0 for features that are not used.
         """
         variance = self._fit_data.state.mean_variance
         if variance is None:

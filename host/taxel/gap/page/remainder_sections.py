@@ -59,8 +59,12 @@ _RECOMMENDATION_HEADINGS = (
 
 
 def build_unexplained_section(report: CheckedReport) -> SectionData:
-    """Return the section on the part of the gap that the effects of the verdict do not explain. Raises GapInputError
-    for a missing or malformed field.
+    """Return the section on the part of the gap that the effects of the verdict do not explain.
+
+    The report describes this part in three ways. `signature`: sentence that names the most similar generic distortion
+    of the signals, such as a delay. `where`: locations. `bank`: result of each generic distortion that was compared
+    with this part; shown only if this part is significant (p-value below `SMALL_P`). Raises GapInputError for a missing
+    or malformed field.
     """
     unexplained = report.root.field("unexplained")
     p = unexplained.optional_number("p_value")

@@ -325,11 +325,12 @@ void sim_layer_load(struct sim_layer *layer, const double *poses, const double *
         const double *pose = poses + SIM_POSE * board;
         double in_solid[SIM_POSE];
         compute_relative_pose(solid_pose, pose, in_solid);
-        const double moved =
-            sim_bound_motion(layer->search_pose + SIM_POSE * board, in_solid, layer->board_size[board]);
+        double moved = sim_bound_motion(layer->search_pose + SIM_POSE * board, in_solid, layer->board_size[board]);
         if (layer->slack_m[board] < 0.0 || moved > layer->slack_m[board]) {
             sim_search_near(layer, board, in_solid);
+            moved = 0.0;
         }
+        layer->clearance_m[board] = layer->near_count[board] ? 0.0 : layer->slack_m[board] - moved;
         double *board_wrench = wrench + TWIST * board, *board_stiffness = stiffness + TWIST * TWIST * board;
         if (load_board(layer, board, in_solid, board_wrench, board_stiffness, taxel_force, advance)) {
             rotate_wrench(solid_pose, board_wrench);

@@ -55,6 +55,7 @@ struct sim_layer {
     size_t *near_faces;   /* [boards], number of these faces */
     double *search_pose;  /* [boards][SIM_POSE], pose of the board at the last search, solid's frame */
     double *slack_m;      /* [boards], motion from there that requires a new search; below 0: search now */
+    double *clearance_m;  /* [boards], lower bound of the distance of the layer from the solid at the last load */
     double *anchor;       /* [pieces][3], point of the solid to which a piece sticks, solid's frame */
     double *touched;      /* [pieces], share of the area that touched the solid at the last advance; 0: no anchor */
 };

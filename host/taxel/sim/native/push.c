@@ -52,13 +52,6 @@ static void set_jacobian(struct sim_push *push)
     }
 }
 
-/* Return a lower bound (metres) of the distance between a board's layer and the object at the last search for near
-   pieces; 0 for a board with near pieces. The motion since this search is not subtracted. */
-static double get_clearance(const struct sim_layer *layer, size_t board)
-{
-    return layer->near_count[board] || layer->slack_m[board] < 0.0 ? 0.0 : layer->slack_m[board];
-}
-
 /* Choose the length of the next substep as a fraction of the time step, at least 1 / max_substeps. Above this minimum,
    no board near the object moves farther than motion_per_step_m, except a board that moves away from the object. */
 static double choose_part(const struct sim_push *push, const struct sim_layer *layer)
@@ -76,7 +69,7 @@ static double choose_part(const struct sim_push *push, const struct sim_layer *l
         const double speed =
             sqrt(twist[0] * twist[0] + twist[1] * twist[1] + twist[2] * twist[2]) +
             push->board_radius_m * sqrt(twist[3] * twist[3] + twist[4] * twist[4] + twist[5] * twist[5]);
-        const int is_near = get_clearance(layer, board) < speed * push->step_s + push->motion_per_step_m;
+        const int is_near = layer->clearance_m[board] < speed * push->step_s + push->motion_per_step_m;
         if (is_near && !(along > 0.0) && speed > fastest) {
             fastest = speed;
         }
