@@ -1,17 +1,18 @@
 """Parallel map over the parts of a campaign, with the results in the order of the parts."""
 
 import os
-import pickle
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from functools import lru_cache, partial
 from multiprocessing import get_context
+from pathlib import Path
 from types import TracebackType
-from typing import Self, TypeVar
+from typing import Any, Self, TypeVar
 
 from taxel.campaign.setup import Setup
 from taxel.errors import TaxelError
+from taxel.output.handover import Handover, read_handover
 
 _Part = TypeVar("_Part")
 _Settings = TypeVar("_Settings")
@@ -46,7 +47,8 @@ class Workers:
         most_parts: largest number of parts of a map; more processes would be idle.
         """
         self._setup, self.count = setup, max(min(jobs or os.cpu_count() or 1, most_parts), 1)
-        self._pool = ProcessPoolExecutor(self.count, mp_context=get_context("spawn")) if self.count > 1 else None
+        self._handover = Handover(setup) if self.count > 1 else None
+        self._pool = ProcessPoolExecutor(self.count, mp_context=get_context("spawn")) if self._handover else None
 
     def __enter__(self) -> Self:
         """Return the processes themselves; they end with the `with` block."""
@@ -58,6 +60,8 @@ class Workers:
         """End the processes; parts that have not started are not computed."""
         if self._pool:
             self._pool.shutdown(cancel_futures=True)
+        if self._handover:
+            self._handover.close()
 
     def map(
         self,
@@ -71,16 +75,17 @@ class Workers:
         chunk: parts per task of a process. The calling process computes a single part, because a process takes longer
         to start. Raises the errors of `function`, and `ProcessLostError` if a process is terminated from outside.
         """
-        if not self._pool or len(parts) == 1:
+        if not self._pool or not self._handover or len(parts) == 1:
             yield from (function(self._setup, part, settings) for part in parts)
             return
         # The setup is not passed through the pool's initializer: a worker that is lost during a slow initializer blocks
-        # the pool.
-        task = partial(_call_with_pickled_setup, function, pickle.dumps(self._setup), settings)
-        try:
-            yield from self._pool.map(task, parts, chunksize=chunk)
-        except BrokenProcessPool:
-            raise ProcessLostError from None
+        # the pool. Nor are setup and parts passed in the tasks: `Handover` gives the reason.
+        with Handover((parts, settings)) as work:
+            task = partial(_call_with_files, function, self._handover.path, work.path)
+            try:
+                yield from self._pool.map(task, range(len(parts)), chunksize=chunk)
+            except BrokenProcessPool:
+                raise ProcessLostError from None
 
 
 def map_in_processes(
@@ -100,15 +105,26 @@ def map_in_processes(
         yield from workers.map(function, parts, settings, chunk)
 
 
-def _call_with_pickled_setup(
-    function: Callable[[Setup, _Part, _Settings], _Result], setup: bytes, settings: _Settings, part: _Part
+def _call_with_files(
+    function: Callable[[Setup, Any, Any], _Result], setup_file: Path, work_file: Path, number: int
 ) -> _Result:
-    """Call `function(setup, part, settings)` in a worker process. setup: pickled, so that it is loaded only once."""
-    return function(_load_setup(setup), part, settings)
+    """Call `function(setup, part, settings)` in a worker process.
+
+    setup_file: of the `Handover` of the setup. work_file: of the `Handover` of (parts, settings). number: of the part.
+    """
+    parts, settings = _load_work(work_file)
+    return function(_load_setup(setup_file), parts[number], settings)
 
 
 @lru_cache(maxsize=1)
-def _load_setup(pickled: bytes) -> Setup:
-    """Unpickle the campaign's setup once per process, so that all parts share the values that the setup caches."""
-    setup: Setup = pickle.loads(pickled)
+def _load_setup(setup_file: Path) -> Setup:
+    """Read the campaign's setup once per process, so that all parts share the values that the setup caches."""
+    setup: Setup = read_handover(setup_file)
     return setup
+
+
+@lru_cache(maxsize=1)
+def _load_work(work_file: Path) -> tuple[Sequence[Any], Any]:
+    """Read the parts and settings of a map once per process."""
+    work: tuple[Sequence[Any], Any] = read_handover(work_file)
+    return work

@@ -5,12 +5,14 @@ from __future__ import annotations
 import tempfile
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future, ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass, field, replace
 from multiprocessing import get_context
 from pathlib import Path
 from typing import Final
 
 from taxel.errors import TaxelError
+from taxel.output.handover import Handover, read_handover
 from taxel.recording.grasp_record import GraspRecord
 from taxel.twin.causes import ReferenceFile, name_cause
 from taxel.twin.events import Alarm, CauseEvent, Event, InputFault
@@ -42,6 +44,7 @@ class CauseNaming:
     _named: int = 0
     _pool: ProcessPoolExecutor | None = None
     _pending: Future[CauseEvent] | None = None
+    _handover: Handover | None = None
 
     def set_alarms(self, alarms: Sequence[Alarm]) -> None:
         """Set the active alarms. The cause is named from the contacts since their earliest onset."""
@@ -82,6 +85,7 @@ class CauseNaming:
         if self._pool is not None:
             self._pool.shutdown()
             self._pool = None
+        self._close_handover()
         return events
 
     def _select(self) -> list[GraspRecord]:
@@ -102,8 +106,8 @@ class CauseNaming:
         """Start a diagnosis of these contacts in the background process."""
         if self._pool is None:
             self._pool = ProcessPoolExecutor(1, get_context("spawn"))
-        time_s = self._contacts[-1][0].end_s
-        return self._pool.submit(_diagnose_contacts, self.reference, records, time_s, self._list_alarm_numbers())
+        self._handover = Handover((self.reference, records, self._contacts[-1][0].end_s, self._list_alarm_numbers()))
+        return self._pool.submit(_diagnose_handover, self._handover.path)
 
     def _name_now(self, records: list[GraspRecord]) -> Event:
         """Diagnose these contacts in the foreground; return the cause, or an input fault if the diagnosis fails."""
@@ -125,10 +129,29 @@ class CauseNaming:
         try:
             return [pending.result()]
         except TaxelError as error:
-            return [InputFault(self._contacts[-1][0].end_s, "cause", str(error))]
+            problem = str(error)
+        except BrokenProcessPool:
+            problem = (
+                "the diagnosing process was terminated from outside (out of memory?); the next contact starts another"
+            )
+            self._pool = None
+        finally:
+            self._close_handover()
+        return [InputFault(self._contacts[-1][0].end_s, "cause", problem)]
+
+    def _close_handover(self) -> None:
+        """Remove the file of the contacts of the background process, if there is one."""
+        if self._handover is not None:
+            self._handover.close()
+            self._handover = None
 
     def _list_alarm_numbers(self) -> tuple[int, ...]:
         return tuple(alarm.number for alarm in self._alarms)
+
+
+def _diagnose_handover(path: Path) -> CauseEvent:
+    """Call `_diagnose_contacts` in the background process. path: of the `Handover` of its arguments."""
+    return _diagnose_contacts(*read_handover(path))
 
 
 def _diagnose_contacts(

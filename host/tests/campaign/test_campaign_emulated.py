@@ -152,7 +152,7 @@ def _fail_on_progress(done: int, total: int) -> None:
     raise AssertionError("the campaign started")
 
 
-def kill_process(setup, part: int, settings: float) -> int:
+def kill_process(setup, part: int, settings: bytes) -> int:
     """Kill the worker process at part 1; return any other part."""
     if part == 1:
         os.kill(os.getpid(), signal.SIGKILL)
@@ -171,8 +171,9 @@ def raise_error(setup, part: int, settings: None) -> int:
 
 
 def test_a_killed_worker_process_raises_an_error_with_a_one_line_message(setup):
+    """The settings are larger than the buffer of a pipe, 64 KiB: a task of this size would block the pool for ever."""
     with pytest.raises(ProcessLostError, match="continue with resume") as caught:
-        list(map_in_processes(kill_process, setup, [0, 1, 2, 3], 0.0, 2))
+        list(map_in_processes(kill_process, setup, [0, 1, 2, 3], bytes(1 << 20), 2))
     assert "\n" not in str(caught.value)
 
 
