@@ -9,8 +9,8 @@ from typing import Any, Self
 class Handover:
     """A pickled value in a temporary file, which worker processes read with `read_handover`; a context manager.
 
-    Before Python 3.12, a pool of processes waits forever if a worker is killed while a task is being sent whose size
-    exceeds the buffer of the pipe, 64 KiB (CPython issue 94777). A path is always shorter.
+    In some versions of Python, among them 3.11.2, a pool of processes waits forever if a worker is killed while a task
+    is being sent whose size exceeds the buffer of the pipe, 64 KiB (CPython issue 94777). A path is always shorter.
 
     Attributes:
         path: file with the pickled value, which exists until `close`.
