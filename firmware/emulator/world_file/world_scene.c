@@ -5,6 +5,8 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "emulator/geometry/vector.h"
+
 #define COORDINATE_MAX_M 100.0
 #define OFFSET_MAX_M 1.0
 #define OFFSET_MAX_RAD 3.2
@@ -47,9 +49,7 @@ static int read_taxel_pose(const struct world_reader *reader, struct taxel_pose 
     if (!is_valid) {
         return -1;
     }
-    const double *normal = pose->normal, *distal = pose->distal;
-    const double cosine = normal[0] * distal[0] + normal[1] * distal[1] + normal[2] * distal[2];
-    if (fabs(cosine) > COSINE_MAX) {
+    if (fabs(dot(pose->normal, pose->distal)) > COSINE_MAX) {
         return world_line_report_error(line, "expected a distal direction that is not parallel to the normal");
     }
     return 0;

@@ -4,11 +4,11 @@ import os
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
-from functools import lru_cache, partial
+from functools import partial
 from multiprocessing import get_context
 from pathlib import Path
 from types import TracebackType
-from typing import Any, Self, TypeVar
+from typing import Any, NamedTuple, Self, TypeVar
 
 from taxel.campaign.setup import Setup
 from taxel.errors import TaxelError
@@ -34,6 +34,19 @@ class ProcessLostError(TaxelError):
         )
 
 
+class _Pool(NamedTuple):
+    """Started processes, and the file from which they read the setup."""
+
+    executor: ProcessPoolExecutor
+    setup: Handover
+
+    @classmethod
+    def start(cls, count: int, setup: Setup) -> Self:
+        """Write the setup, and prepare `count` processes."""
+        handover = Handover(setup)
+        return cls(ProcessPoolExecutor(count, mp_context=get_context("spawn")), handover)
+
+
 class Workers:
     """Processes that compute the parts of a campaign; use it as a context manager.
 
@@ -47,8 +60,7 @@ class Workers:
         most_parts: largest number of parts of a map; more processes would be idle.
         """
         self._setup, self.count = setup, max(min(jobs or os.cpu_count() or 1, most_parts), 1)
-        self._handover = Handover(setup) if self.count > 1 else None
-        self._pool = ProcessPoolExecutor(self.count, mp_context=get_context("spawn")) if self._handover else None
+        self._pool = _Pool.start(self.count, setup) if self.count > 1 else None
 
     def __enter__(self) -> Self:
         """Return the processes themselves; they end with the `with` block."""
@@ -59,9 +71,8 @@ class Workers:
     ) -> None:
         """End the processes; parts that have not started are not computed."""
         if self._pool:
-            self._pool.shutdown(cancel_futures=True)
-        if self._handover:
-            self._handover.close()
+            self._pool.executor.shutdown(cancel_futures=True)
+            self._pool.setup.close()
 
     def map(
         self,
@@ -75,15 +86,15 @@ class Workers:
         chunk: parts per task of a process. The calling process computes a single part, because a process takes longer
         to start. Raises the errors of `function`, and `ProcessLostError` if a process is terminated from outside.
         """
-        if not self._pool or not self._handover or len(parts) == 1:
+        if not self._pool or len(parts) == 1:
             yield from (function(self._setup, part, settings) for part in parts)
             return
         # The setup is not passed through the pool's initializer: a worker that is lost during a slow initializer blocks
         # the pool. Nor are setup and parts passed in the tasks: `Handover` gives the reason.
         with Handover((parts, settings)) as work:
-            task = partial(_call_with_files, function, self._handover.path, work.path)
+            task = partial(_call_with_files, function, self._pool.setup.path, work.path)
             try:
-                yield from self._pool.map(task, range(len(parts)), chunksize=chunk)
+                yield from self._pool.executor.map(task, range(len(parts)), chunksize=chunk)
             except BrokenProcessPool:
                 raise ProcessLostError from None
 
@@ -108,23 +119,9 @@ def map_in_processes(
 def _call_with_files(
     function: Callable[[Setup, Any, Any], _Result], setup_file: Path, work_file: Path, number: int
 ) -> _Result:
-    """Call `function(setup, part, settings)` in a worker process.
+    """Call `function(setup, part, settings)` in a worker process, whose parts share the values that the setup caches.
 
     setup_file: of the `Handover` of the setup. work_file: of the `Handover` of (parts, settings). number: of the part.
     """
-    parts, settings = _load_work(work_file)
-    return function(_load_setup(setup_file), parts[number], settings)
-
-
-@lru_cache(maxsize=1)
-def _load_setup(setup_file: Path) -> Setup:
-    """Read the campaign's setup once per process, so that all parts share the values that the setup caches."""
-    setup: Setup = read_handover(setup_file)
-    return setup
-
-
-@lru_cache(maxsize=1)
-def _load_work(work_file: Path) -> tuple[Sequence[Any], Any]:
-    """Read the parts and settings of a map once per process."""
-    work: tuple[Sequence[Any], Any] = read_handover(work_file)
-    return work
+    parts, settings = read_handover(work_file)
+    return function(read_handover(setup_file), parts[number], settings)

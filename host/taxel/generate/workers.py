@@ -7,12 +7,14 @@ from concurrent.futures.process import BrokenProcessPool
 from functools import cache, partial
 from itertools import islice
 from multiprocessing import get_context, parent_process
+from pathlib import Path
 from threading import Thread
 from typing import Final, Protocol
 
 from taxel.errors import TaxelError
 from taxel.generate.recipe import Recipe
 from taxel.generate.shard import generate_shard
+from taxel.output.handover import Handover, read_handover
 
 SHARDS_PER_WORKER: Final = 2
 """Number of submitted shards per worker. With 1 a worker would wait for its next shard; a larger number uses more
@@ -64,19 +66,25 @@ class Processes:
         if count <= 1:
             yield from ((shard, generate_shard(recipe, shard)) for shard in numbers)
             return
+        handover = Handover(recipe)  # a recipe with meshes is larger than the buffer of a pipe
         pool = ProcessPoolExecutor(count, mp_context=get_context("spawn"))
         try:
-            yield from _run_in_pool(pool, partial(_generate_numbered_shard, recipe), numbers, SHARDS_PER_WORKER * count)
+            task = partial(_generate_numbered_shard, handover.path)
+            yield from _run_in_pool(pool, task, numbers, SHARDS_PER_WORKER * count)
         except BrokenProcessPool:
             raise WorkerLostError from None
         finally:
             pool.shutdown(cancel_futures=True)
+            handover.close()
 
 
-def _generate_numbered_shard(recipe: Recipe, shard: int) -> tuple[int, bytes]:
-    """Generate a shard in a worker process, which ends with its parent; return its number and its file content."""
+def _generate_numbered_shard(recipe_file: Path, shard: int) -> tuple[int, bytes]:
+    """Generate a shard in a worker process, which ends with its parent; return its number and its file content.
+
+    recipe_file: of the `Handover` of the recipe.
+    """
     _exit_with_parent()
-    return shard, generate_shard(recipe, shard)
+    return shard, generate_shard(read_handover(recipe_file), shard)
 
 
 @cache

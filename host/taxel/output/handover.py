@@ -1,6 +1,7 @@
 """Values for worker processes, as files: only the path of a file passes through the pipe to a process."""
 
 import pickle
+from functools import lru_cache
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, Self
@@ -35,6 +36,10 @@ class Handover:
         self._folder.cleanup()
 
 
+@lru_cache(maxsize=2)
 def read_handover(path: Path) -> Any:
-    """Return the value of a `Handover` in a worker process. path: its `path`, written by this program itself."""
+    """Return the value of a `Handover` in a worker process; the last two values are read only once per process.
+
+    path: `Handover.path`. The file is written by this program itself, so that it may be unpickled.
+    """
     return pickle.loads(path.read_bytes())
