@@ -33,7 +33,7 @@ def format_page(figures: list[Figure]) -> str:
     """Format the Markdown text of docs/benchmarks.md: machine, one row per measured ratio, and the method of each."""
     machine = f"{os.cpu_count()} cores ({platform.machine()}), Python {platform.python_version()}"
     rows = [
-        f"| {f.name} | {_format_number(f.ratio)} | {'' if f.target is None else f'{f.target:g}'} | "
+        f"| {f.name} | {_format_number(f.ratio)} | {'' if f.target is None else f'{f.target:.3g}'} | "
         f"{'' if f.target is None else 'yes' if f.is_met else 'no'} | {f.reference} | {f.detail} |"
         for f in figures
     ]

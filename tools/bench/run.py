@@ -44,7 +44,7 @@ def build_table(figures: list[Figure]) -> Table:
         table.add_row(
             figure.name,
             f"[{colour}]{format_ratio(figure.ratio)}[/]",
-            "" if figure.target is None else f"{figure.target:g}",
+            "" if figure.target is None else f"{figure.target:.3g}",
             figure.reference,
             figure.detail,
         )

@@ -37,14 +37,14 @@ def compute_wilson_interval(successes: int, count: int) -> list[float]:
 
 
 def share(flags: Iterable[bool]) -> dict[str, Any]:
-    """Compute the share of true values: {"right": number, "of": total, "share": ratio, "ci95": Wilson interval}."""
+    """Compute the share of true values: {"count": number, "of": total, "share": ratio, "ci95": Wilson interval}."""
     values = [bool(flag) for flag in flags]
-    right = sum(values)
+    count = sum(values)
     return {
-        "right": right,
+        "count": count,
         "of": len(values),
-        "share": right / len(values) if values else None,
-        "ci95": compute_wilson_interval(right, len(values)),
+        "share": count / len(values) if values else None,
+        "ci95": compute_wilson_interval(count, len(values)),
     }
 
 

@@ -148,18 +148,18 @@ def test_all_datasets_state_the_same_creation_time(check):
 def test_score_of_the_two_worlds_is_written(check):
     """The single cause of world 0 is named first, and is withheld from a second diagnosis.
 
-    Only world 1 has no cause and can have a false alarm; the number of false alarms ("right") is 0 of 1.
+    Only world 1 has no cause and can have a false alarm; the number of false alarms is 0 of 1.
     """
     score = read_json(check / "score.json")
     assert (score["worlds"], score["full_hand"], score["rig4"]["errors"]) == (2, None, [])
     assert score["rig4"]["false_alarms"] == {
-        "right": 0,
+        "count": 0,
         "of": 1,
         "share": 0.0,
         "ci95": score["rig4"]["false_alarms"]["ci95"],
     }
     assert score["rig4"]["counts"]["single"] == {"worlds": 1, "clear": 1}
-    assert score["rig4"]["single_first"]["right"] == 1
+    assert score["rig4"]["single_first"]["count"] == 1
     assert score["rig4"]["unknown_withheld"]["of"] == 1
 
 

@@ -50,7 +50,7 @@ def score_on_rig(*results: WorldResult) -> dict:
     return score(results)["rig4"]
 
 
-@pytest.mark.parametrize(("right", "of", "low", "high"), [
+@pytest.mark.parametrize(("count", "of", "low", "high"), [
     (0, 0, 0.0, 1.0),
     (0, 10, 0.0, 0.2775),
     (10, 10, 0.7225, 1.0),
@@ -59,13 +59,13 @@ def score_on_rig(*results: WorldResult) -> dict:
     (0, 20, 0.0, 0.1611),
     (1, 29, 0.0061, 0.1718),
 ])  # fmt: skip
-def test_wilson_interval_agrees_with_published_values(right, of, low, high):
-    assert compute_wilson_interval(right, of) == pytest.approx([low, high], abs=1e-4)
+def test_wilson_interval_agrees_with_published_values(count, of, low, high):
+    assert compute_wilson_interval(count, of) == pytest.approx([low, high], abs=1e-4)
 
 
 def test_share_states_true_values_total_ratio_and_interval():
     assert share([True, False, True, True]) == {
-        "right": 3,
+        "count": 3,
         "of": 4,
         "share": 0.75,
         "ci95": compute_wilson_interval(3, 4),
@@ -85,7 +85,7 @@ def test_single_cause_is_correct_if_it_is_first_or_confounded_with_the_first():
         make_single_result("noise", "unknown", status="unknown"),
         make_single_result("noise", status="no_gap"),
     )
-    assert (figures["single_first"]["right"], figures["single_first"]["of"]) == (3, 6)
+    assert (figures["single_first"]["count"], figures["single_first"]["of"]) == (3, 6)
     assert figures["single_each"]["noise"]["of"] == 6
     assert figures["single_each"]["latency"]["of"] == 0
 
@@ -96,7 +96,7 @@ def test_accuracy_is_computed_for_gaps_from_two_floors_and_also_by_ratio_of_gap_
     )
     assert figures["single_first"]["of"] == 1
     assert figures["counts"]["single"] == {"worlds": 2, "clear": 1}
-    by_ratio = {entry["from"]: (entry["right"], entry["of"]) for entry in figures["single_by_ratio"]}
+    by_ratio = {entry["from"]: (entry["count"], entry["of"]) for entry in figures["single_by_ratio"]}
     assert by_ratio == {0.0: (0, 0), 1.0: (0, 1), 2.0: (1, 1), 3.0: (0, 0), 4.0: (0, 0), 6.0: (0, 0)}
 
 
@@ -128,7 +128,7 @@ def test_named_effect_or_unknown_cause_in_a_world_without_a_cause_is_a_false_ala
         make_result(world_without_cause, "noise", ratio=0.5),
         make_result(world_without_cause, "unknown", status="unknown", ratio=0.5),
     )
-    assert (figures["false_alarms"]["right"], figures["false_alarms"]["of"]) == (2, 4)
+    assert (figures["false_alarms"]["count"], figures["false_alarms"]["of"]) == (2, 4)
 
 
 def test_only_an_unknown_cause_is_correct_for_causes_outside_or_removed_from_the_catalogue():
@@ -147,8 +147,8 @@ def test_only_an_unknown_cause_is_correct_for_causes_outside_or_removed_from_the
         make_single_result("latency", "latency", verdict_withheld=ReportedVerdict("explained", ("noise",))),
         make_single_result("latency", "latency", ratio=1.0, verdict_withheld=ReportedVerdict("explained", ("noise",))),
     )
-    assert (figures["unknown"]["right"], figures["unknown"]["of"]) == (3, 6)
-    assert (figures["misnamed"]["right"], figures["misnamed"]["of"]) == (2, 6)
+    assert (figures["unknown"]["count"], figures["unknown"]["of"]) == (3, 6)
+    assert (figures["misnamed"]["count"], figures["misnamed"]["of"]) == (2, 6)
     assert figures["unknown_outside_each"]["stuck_bit"]["of"] == 4
     assert {name: entry["share"] for name, entry in figures["unknown_withheld_each"].items()} == {
         "noise": 1.0,
@@ -162,7 +162,7 @@ def test_decoy_is_scored_by_whether_the_first_effect_is_still_the_hidden_cause()
         make_single_result("noise", "noise", verdict_decoy=ReportedVerdict("explained", ("noise",))),
         make_single_result("noise", "noise", verdict_decoy=ReportedVerdict("explained", ("latency",))),
     )
-    assert (figures["decoy_first"]["right"], figures["decoy_first"]["of"]) == (1, 2)
+    assert (figures["decoy_first"]["count"], figures["decoy_first"]["of"]) == (1, 2)
 
 
 def test_micro_f1_pools_the_names_of_all_worlds_with_a_clear_gap():
@@ -230,7 +230,7 @@ def test_coverage_is_the_share_of_true_parameters_within_their_interval_without_
         make_parameter(-1.0, truth=-1.0, low=-2.0, high=0.0),
     )
     figures = score_on_rig(make_single_result("noise", "noise", parameters=rows))["coverage"]
-    assert (figures["right"], figures["of"]) == (2, 3)
+    assert (figures["count"], figures["of"]) == (2, 3)
 
 
 def test_error_of_the_shrink_is_in_percentage_points():
@@ -249,7 +249,7 @@ def test_verdicts_of_seeds_agree_if_status_and_effects_are_equal():
         ReportedVerdict("explained", ("latency",)),
     )
     figures = score_on_rig(make_single_result("noise", "noise", verdicts_by_seed=seeds))["seeds"]
-    assert (figures["right"], figures["of"]) == (1, 3)
+    assert (figures["count"], figures["of"]) == (1, 3)
 
 
 def test_reference_diagnosers_and_exchanged_simulations_are_scored():
@@ -260,7 +260,7 @@ def test_reference_diagnosers_and_exchanged_simulations_are_scored():
         make_result(make_world(3, "none"), status="no_gap", verdict_shuffled=ReportedVerdict("explained", ("noise",))),
     )["simpler"]
     assert (figures["rules"]["share"], figures["effect_blind"]["share"]) == (1.0, 0.0)
-    assert figures["shuffled_says_unknown_or_no_gap"]["right"] == 2
+    assert figures["shuffled_says_unknown_or_no_gap"]["count"] == 2
 
 
 def test_whole_hand_is_scored_separately():
@@ -303,11 +303,11 @@ def test_sheet_marks_met_and_missed_limits():
     assert rows["loaded location of a failed board or open line reported"].endswith("met |")
 
 
-@pytest.mark.parametrize(("right", "of", "mark"), [(8, 8, ""), (7, 8, ""), (10, 10, "**missed**"), (9, 10, "met")])
-def test_coverage_is_compared_with_its_limit_from_ten_intervals_on(right, of, mark):
+@pytest.mark.parametrize(("count", "of", "mark"), [(8, 8, ""), (7, 8, ""), (10, 10, "**missed**"), (9, 10, "met")])
+def test_coverage_is_compared_with_its_limit_from_ten_intervals_on(count, of, mark):
     figures = compute_full_score()
     coverage = figures["rig4"]["coverage"]
-    figures["rig4"]["coverage"] = {**coverage, "right": right, "of": of, "share": right / of, "ci95": (0.5, 1.0)}
+    figures["rig4"]["coverage"] = {**coverage, "count": count, "of": of, "share": count / of, "ci95": (0.5, 1.0)}
     (line,) = [line for line in score_sheet(figures, "").splitlines() if line.startswith("| coverage")]
     assert line.split("|")[-2].strip() == mark
 

@@ -70,11 +70,11 @@ def find_dead_taxels(
     patch_count, patch = connected_components(is_neighbour[:, silent], directed=False)
     for number in range(patch_count):
         members = patch == number
-        conditions, is_at_rim = loaded_conditions[members].max(), has_weak_neighbour[members].any()
-        is_dead[silent[members]] = conditions > 0 and (conditions > 1 or not is_at_rim)
+        conditions, may_be_displaced = loaded_conditions[members].max(), has_weak_neighbour[members].any()
+        is_dead[silent[members]] = conditions > 0 and (conditions > 1 or not may_be_displaced)
         zero_taxels = (np.abs(response[silent[members]]) < MAX_ZERO_SHARE).sum()
         is_clear = zero_taxels >= MIN_PATCH_TAXELS and full_neighbours[members].sum() >= MIN_PATCH_TAXELS
-        is_evident |= bool(conditions > 0 and not is_at_rim and is_clear)
+        is_evident |= bool(conditions > 0 and not may_be_displaced and is_clear)
     return is_dead, is_evident
 
 
