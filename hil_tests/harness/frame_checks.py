@@ -9,7 +9,7 @@ from taxel.stream import TaxelFrame
 
 STEP_COUNTS = 100
 """Difference between the counts of two steps of `KnownCounts`."""
-LARGEST_BASE = 1000
+BASE_OFFSET = 1000
 """Constant part of the base counts of `KnownCounts`, in counts."""
 POLL_S = 0.01
 OUTCOMES = ("forwarded", "repeated", "nacks", "timeouts", "crc_errors", "bus_errors", "dropped")
@@ -33,15 +33,15 @@ class KnownCounts:
     """
 
     def __init__(self, rig: Rig, seed: int = 1) -> None:
-        """Set the first known raw counts on the boards of an emulated rig, with the step 0.
+        """Set the first known raw counts on the boards of an emulated rig, those of step 0.
 
-        The count of a taxel is its base + `STEP_COUNTS` * `step`. seed: seed of the base counts. A base is
-        `LARGEST_BASE` plus a random number below `STEP_COUNTS`, so that the count of another taxel almost always has
-        another remainder modulo `STEP_COUNTS`.
+        The count of a taxel is its base + `STEP_COUNTS` * `step`. The base is the same for all steps: `BASE_OFFSET`
+        plus a random number from 1 to `STEP_COUNTS` - 1. The remainder of a count modulo `STEP_COUNTS` therefore almost
+        always differs between two taxels. seed: seed of the random numbers.
         """
         assert rig.counts is not None
         self._source, self._hand = rig.counts, rig.hand
-        self._base = np.random.default_rng(seed).integers(1, STEP_COUNTS, rig.hand.n_taxels) + LARGEST_BASE
+        self._base = np.random.default_rng(seed).integers(1, STEP_COUNTS, rig.hand.n_taxels) + BASE_OFFSET
         self.step = -1
         self.advance()
 

@@ -26,7 +26,7 @@ from taxel_protocol.layout import pack
 
 STEP_COUNTS: Final = 100
 """Difference between the raw counts of two steps; each taxel measures its base count + 100 step."""
-LARGEST_BASE: Final = 1000
+BASE_OFFSET: Final = 1000
 """Constant part of the base counts, in counts."""
 FAULT_MEMORY_S: Final = 60.0
 """Time after its end for which a fault is kept to explain gaps, seconds."""
@@ -104,7 +104,7 @@ class Soak:
         self._kinds = KINDS if has_hub else KINDS_WITHOUT_HUB
         self.world = VirtualWorld(text, counts=True) if has_hub else VirtualMasterWorld(text, counts=True)
         self._decoder = StreamDecoder()
-        self._base = np.random.default_rng(seed).integers(1, STEP_COUNTS, hand.n_taxels) + LARGEST_BASE
+        self._base = np.random.default_rng(seed).integers(1, STEP_COUNTS, hand.n_taxels) + BASE_OFFSET
         indices = np.arange(hand.n_taxels)
         self._taxel_indices = {board.address: indices[hand.get_slice(board.address)] for board in hand.boards}
         self._step = 0

@@ -12,8 +12,8 @@ def write_shuffled_copy(sim: Path, out: Path, seed: int) -> None:
     """Write a copy of a simulated dataset in which the conditions (object, approach) are exchanged cyclically.
 
     Every condition gets the simulation of another condition. The copy is a control: the diagnosis is expected to report
-    an unknown cause or no gap. sim: dataset to copy, with at least two conditions; a single condition would keep its own
-    simulation. out: file to write. seed: of the random order.
+    an unknown cause or no gap. sim: dataset to copy, with at least two conditions; a single condition would keep its
+    own simulation. out: file to write. seed: of the random order.
     """
     shutil.copyfile(sim, out)
     rng = np.random.default_rng(seed)

@@ -5,7 +5,7 @@ import numpy as np
 from taxel.proximity.motion_grid import ARRIVAL_TIME_S, CENTRES_M, SPEEDS_M_S, Transition, compute_speed_widths
 from taxel.types import FloatArray, IntArray
 
-KEPT_SHARE = 1e-3
+NEGLIGIBLE_SHARE = 1e-3
 """Templates whose probability is below this share of the largest probability are left out. The mixing of shapes
 redistributes 3e-4 per frame to each of some 300 templates; a template below the limit has hardly more than this share,
 and a smaller likelihood than the others. The time per frame decreases by a factor of 3 to 10."""
@@ -86,7 +86,7 @@ class MotionFilter:
         """
         kept = log_likelihood[self.template]
         if len(self.template) < len(self._prior) and self._exclude_better(log_likelihood):
-            self._return_templates()
+            self._use_all_templates()
             kept = log_likelihood
         largest = max(float(kept.max()), log_absent, log_contact)
         self.present *= np.exp(kept - largest).astype(np.float32)
@@ -111,10 +111,14 @@ class MotionFilter:
         best = (log_likelihood + motion).max(axis=1)
         return bool(best.max() > best[self.template].max() + RETURN_MARGIN)
 
-    def _return_templates(self) -> None:
-        """Use all templates again: the share `KEPT_SHARE` of the probability is distributed over them by the prior."""
-        present = KEPT_SHARE * self.present.sum(axis=1)[:, None, :] * self._prior[None, :, None]
-        present[:, self.template] += (1.0 - KEPT_SHARE) * self.present
+    def _use_all_templates(self) -> None:
+        """Use all templates again, also those that were left out.
+
+        The share `NEGLIGIBLE_SHARE` of the probability is distributed over all templates by the prior; the templates in
+        use keep the rest.
+        """
+        present = NEGLIGIBLE_SHARE * self.present.sum(axis=1)[:, None, :] * self._prior[None, :, None]
+        present[:, self.template] += (1.0 - NEGLIGIBLE_SHARE) * self.present
         self.present = present
         self.template = np.arange(len(self._prior))
 
@@ -128,7 +132,7 @@ class MotionFilter:
             if len(self.template) < len(self._prior):
                 self.forget_shape()
             return
-        kept = weight > KEPT_SHARE * weight.max()
+        kept = weight > NEGLIGIBLE_SHARE * weight.max()
         if self.far < 0.5 and kept.sum() < 0.8 * len(kept):
             self.present = np.ascontiguousarray(self.present[:, kept])
             self.template = self.template[kept]

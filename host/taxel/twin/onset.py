@@ -128,8 +128,10 @@ def _compute_place_ratios(
     """Compute each place's log likelihood ratio of a change against no change, and the fitted amplitude, f64[P] each.
 
     value, weight: f64[S, P] (S steps, P places), estimates of the amplitude and their information (inverse variance).
-    The fitted amplitude of a place is the weighted mean of its estimates. The ratio is minus infinity for places at
-    which the quantity is not tested, and for amplitudes below half of the quantity's smallest amplitude.
+    The fitted amplitude of a place is the weighted mean of its estimates. The ratio of a place is the sum of the ratios
+    of its taxels, each for the amplitude of the place. A quantity without a null model of taxels is a quantity of
+    boards: its ratio follows from the place's own estimates. The ratio is minus infinity for places at which the
+    quantity is not tested, and for amplitudes below half of the quantity's smallest amplitude.
     """
     total = weight.sum(axis=0)
     amplitude = np.where(total > 0.0, (value * weight).sum(axis=0) / np.where(total > 0.0, total, 1.0), 0.0)
@@ -137,7 +139,7 @@ def _compute_place_ratios(
     # Over many steps a change far below the smallest amplitude becomes certain; such a change raises no alarm.
     tested &= np.abs(amplitude) >= 0.5 * min(map(abs, quantity.amplitudes))
     taxel_level = LEVELS.index("taxel")
-    if taxel_level not in models:  # a quantity of boards: the estimates of a board are not sums over its taxels
+    if taxel_level not in models:  # a quantity of boards: use the own estimates of each place
         levels = [
             _sum_log_likelihood_ratios(value, weight, amplitude, models[level], places.level == level)
             for level in models

@@ -115,7 +115,11 @@ def test_pillar_propagation_is_linear_in_its_strength(state):
 
 
 def test_a_low_pass_filter_responds_to_a_step_with_its_time_constant():
-    """Step of 1 at the first node, nodes of 0.1 s, time constant 0.2 s: 1 - (1 - e^-x) / x, then exponential decay."""
+    """The input rises linearly from 0 to 1 in the interval before the first node, and then stays at 1.
+
+    With x = interval / time constant = 0.1 s / 0.2 s, the output at the first node is 1 - (1 - e^-x) / x. Its
+    difference from 1 then decreases by the factor e^-x per node. A time constant of 0 leaves the values unchanged.
+    """
     values, time_s = np.ones((1, 4, 1)), 0.1 * np.arange(4)
     out = apply_low_pass(values, time_s, np.full((1, 1), 0.2))[0, :, 0]
     first = 1.0 - (1.0 - np.exp(-0.5)) / 0.5

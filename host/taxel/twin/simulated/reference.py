@@ -132,8 +132,9 @@ def learn_simulated_reference(
 ) -> SimulatedReference:
     """Compare the contacts of a healthy skin with their predictions; return the reference for the simulator mode.
 
-    reference: learnt from the healthy skin. predictions: with the simulators. poses: nominal poses of each contact of
-    the reference. Raises TwinInputError if the simulator explains too few contacts.
+    reference: learnt from the healthy skin. predictions: contains the simulators; the usual motions and the contacts of
+    the reference are stored in it. poses: nominal poses of each contact of the reference. Raises TwinInputError if the
+    simulator explains too few contacts.
     """
     near = find_neighbours(reference.taxels, reference.sensors.index_of(reference.taxels))
     steps = [step for _, step in reference.steps]
