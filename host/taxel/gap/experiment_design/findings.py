@@ -134,7 +134,11 @@ class ParameterValues:
 
 
 def collect_parameter_values(findings: Findings) -> ParameterValues:
-    """Return the free parameter values of the named effects, which further contacts can determine better."""
+    """Describe the parameter values of the effects in `findings.names`, which further contacts can determine better.
+
+    The index of a value counts the values of all fitted effects except `INSPECTED_EFFECTS`, also of effects that are
+    not in `findings.names`.
+    """
     pair, first = findings.fit_data.state.pair, 0
     names: list[str] = []
     labels: list[str] = []

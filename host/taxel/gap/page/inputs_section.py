@@ -32,6 +32,6 @@ def format_runtime(seconds: float | None) -> str:
     """Return a run time as text. seconds: None if the report does not state it."""
     if seconds is None:
         return "run time not stated"
-    minutes = int(seconds // 60)
-    text = f"{format_count(minutes, 'minute')} {seconds - 60 * minutes:.0f}" if minutes else format_number(seconds)
+    minutes, rest = divmod(round(seconds), 60)  # rounded first: 119.7 s are 2 minutes 0 s
+    text = f"{format_count(minutes, 'minute')} {rest}" if minutes else format_number(seconds)
     return f"run time {text}{SPACE}s"
