@@ -16,8 +16,9 @@ static uint64_t get_uint(const uint8_t *bytes, size_t size)
     return value;
 }
 
-/* Move `length` bytes from `from` to the lower address `to`. If PACKET bytes are `readable` at `from`, and the record
- * head between both addresses leaves space for the excess bytes, a copy of fixed size is used, which is faster. */
+/* Move `length` bytes from `from` to the address `to`, which is at least a record head lower. `readable`: bytes that can
+ * be read at `from`. If possible, PACKET bytes are copied, because a copy of fixed size is faster. The bytes beyond
+ * `length` then overwrite at most a record head, so that the data behind the source stay unchanged. */
 static void move_down(uint8_t *to, const uint8_t *from, size_t length, size_t readable)
 {
     if (length <= PACKET && length + TAXEL_CAPTURE_RECORD_HEAD >= PACKET && readable >= PACKET) {

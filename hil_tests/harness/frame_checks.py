@@ -1,6 +1,7 @@
 """Taxel frames of a rig over a period, and checks of their counts, their order and the hub's counters."""
 
 import numpy as np
+from numpy.typing import NDArray
 
 from hil_tests.harness.rig import Rig
 from taxel.hand import Hand
@@ -8,9 +9,9 @@ from taxel.skin import Skin
 from taxel.stream import TaxelFrame
 
 STEP_COUNTS = 100
-"""Difference between the counts of two steps of `KnownCounts`."""
+"""Difference between the known counts of a taxel in two steps."""
 BASE_OFFSET = 1000
-"""Constant part of the base counts of `KnownCounts`, in counts."""
+"""Constant part of the base counts (`sample_base_counts`), in counts."""
 POLL_S = 0.01
 OUTCOMES = ("forwarded", "repeated", "nacks", "timeouts", "crc_errors", "bus_errors", "dropped")
 """Counters of the hub, of which each poll of a board increases exactly one."""
@@ -25,6 +26,15 @@ def read_frames(rig: Rig, skin: Skin, seconds: float) -> list[TaxelFrame]:
     return frames
 
 
+def sample_base_counts(taxels: int, seed: int) -> NDArray[np.int64]:
+    """Sample the known counts of step 0, i64[taxels].
+
+    A base count is `BASE_OFFSET` plus a random number from 1 to `STEP_COUNTS` - 1. Each step adds `STEP_COUNTS`, so the
+    remainder of a count modulo `STEP_COUNTS` almost always differs between two taxels in every step.
+    """
+    return np.random.default_rng(seed).integers(1, STEP_COUNTS, taxels) + BASE_OFFSET
+
+
 class KnownCounts:
     """Raw counts from which a test can identify the taxel and the time of every measured value.
 
@@ -35,13 +45,11 @@ class KnownCounts:
     def __init__(self, rig: Rig, seed: int = 1) -> None:
         """Set the first known raw counts on the boards of an emulated rig, those of step 0.
 
-        The count of a taxel is its base + `STEP_COUNTS` * `step`. The base is the same for all steps: `BASE_OFFSET`
-        plus a random number from 1 to `STEP_COUNTS` - 1. The remainder of a count modulo `STEP_COUNTS` therefore almost
-        always differs between two taxels. seed: seed of the random numbers.
+        The count of a taxel is its base (`sample_base_counts`) + `STEP_COUNTS` * `step`. seed: seed of the bases.
         """
         assert rig.counts is not None
         self._source, self._hand = rig.counts, rig.hand
-        self._base = np.random.default_rng(seed).integers(1, STEP_COUNTS, rig.hand.n_taxels) + BASE_OFFSET
+        self._base = sample_base_counts(rig.hand.n_taxels, seed)
         self.step = -1
         self.advance()
 

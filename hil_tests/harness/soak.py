@@ -15,6 +15,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from hil_tests.harness.frame_checks import STEP_COUNTS, sample_base_counts
 from hil_tests.harness.soak_faults import KINDS, KINDS_WITHOUT_HUB
 from taxel.hand import Hand
 from taxel.hand.world import WorldSettings, format_world
@@ -24,10 +25,6 @@ from taxel_protocol import PROTOCOL_VERSION, PROTOCOL_VERSION_MIN, Command, Fram
 from taxel_protocol.frames import CommandPayload, HostHandshake
 from taxel_protocol.layout import pack
 
-STEP_COUNTS: Final = 100
-"""Difference between the raw counts of two steps; each taxel measures its base count + 100 step."""
-BASE_OFFSET: Final = 1000
-"""Constant part of the base counts, in counts."""
 FAULT_MEMORY_S: Final = 60.0
 """Time after its end for which a fault is kept to explain gaps, seconds."""
 CHUNK_S: Final = 0.5
@@ -104,7 +101,7 @@ class Soak:
         self._kinds = KINDS if has_hub else KINDS_WITHOUT_HUB
         self.world = VirtualWorld(text, counts=True) if has_hub else VirtualMasterWorld(text, counts=True)
         self._decoder = StreamDecoder()
-        self._base = np.random.default_rng(seed).integers(1, STEP_COUNTS, hand.n_taxels) + BASE_OFFSET
+        self._base = sample_base_counts(hand.n_taxels, seed)
         indices = np.arange(hand.n_taxels)
         self._taxel_indices = {board.address: indices[hand.get_slice(board.address)] for board in hand.boards}
         self._step = 0

@@ -10,7 +10,7 @@ from hypothesis import note
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, rule
 
-from hil_tests.harness.frame_checks import BASE_OFFSET, OUTCOMES, STEP_COUNTS
+from hil_tests.harness.frame_checks import OUTCOMES, STEP_COUNTS, sample_base_counts
 from hil_tests.harness.non_blocking_host import NonBlockingHost
 from taxel.hand import load_hand
 from taxel.hand.world import WorldSettings, format_world
@@ -59,8 +59,8 @@ class SkinMachine(RuleBasedStateMachine):
         settings = WorldSettings(seed=seed, clock_spread_ppm=clocks, baud=baud, usb_latency_ms=1.0)
         self.world = VirtualWorld(format_world(HAND, settings), counts=True)
         self.host = NonBlockingHost(VirtualMemoryLink(self.world, baud))
-        # Random base counts below a step; each step of `change_counts` adds STEP_COUNTS to the counts of all taxels.
-        self.base = np.random.default_rng(seed).integers(1, STEP_COUNTS, TAXELS) + BASE_OFFSET
+        # Each step of `change_counts` adds STEP_COUNTS to the counts of all taxels.
+        self.base = sample_base_counts(TAXELS, seed)
         self.step = 0
         self.has_uart_fault = False  # frames may be lost between hub and host
         self.world.set_stimulus(self.base)

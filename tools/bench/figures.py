@@ -25,6 +25,18 @@ class Figure:
         """Whether the requirement is met."""
         return self.target is None or (self.ratio is not None and self.ratio >= self.target)
 
+    @property
+    def ratio_text(self) -> str:
+        """The ratio with two decimals below 10 and without decimals above; "-" for None."""
+        if self.ratio is None:
+            return "-"
+        return f"{self.ratio:.2f}" if self.ratio < 10 else f"{self.ratio:,.0f}"
+
+    @property
+    def target_text(self) -> str:
+        """The required minimum; empty for None."""
+        return "" if self.target is None else f"{self.target:.3g}"
+
 
 def measure_median_seconds(action: Callable[[], object], repeats: int = 5) -> float:
     """Measure the median wall-clock time of `action` in seconds."""

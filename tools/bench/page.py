@@ -22,18 +22,11 @@ def _describe_commit() -> str:
     return head.stdout.strip() + (" with uncommitted changes" if changed.stdout.strip() else "")
 
 
-def _format_number(value: float | None) -> str:
-    """Format a number with two decimals below 10 and without decimals above; empty text for None."""
-    if value is None:
-        return ""
-    return f"{value:.2f}" if value < 10 else f"{value:,.0f}"
-
-
 def format_page(figures: list[Figure]) -> str:
     """Format the Markdown text of docs/benchmarks.md: machine, one row per measured ratio, and the method of each."""
     machine = f"{os.cpu_count()} cores ({platform.machine()}), Python {platform.python_version()}"
     rows = [
-        f"| {f.name} | {_format_number(f.ratio)} | {'' if f.target is None else f'{f.target:.3g}'} | "
+        f"| {f.name} | {f.ratio_text} | {f.target_text} | "
         f"{'' if f.target is None else 'yes' if f.is_met else 'no'} | {f.reference} | {f.detail} |"
         for f in figures
     ]

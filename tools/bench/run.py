@@ -27,13 +27,6 @@ MODULES = (
 )  # fmt: skip
 
 
-def format_ratio(ratio: float | None) -> str:
-    """Format a ratio with two decimals below 10 and without decimals above; "-" for None."""
-    if ratio is None:
-        return "-"
-    return f"{ratio:.2f}" if ratio < 10 else f"{ratio:,.0f}"
-
-
 def build_table(figures: list[Figure]) -> Table:
     """Build the table of the measured ratios, one row per benchmark result."""
     table = Table(title="benchmarks: medians of ratios, measured in one run")
@@ -43,8 +36,8 @@ def build_table(figures: list[Figure]) -> Table:
         colour = "green" if figure.is_met else "red"
         table.add_row(
             figure.name,
-            f"[{colour}]{format_ratio(figure.ratio)}[/]",
-            "" if figure.target is None else f"{figure.target:.3g}",
+            f"[{colour}]{figure.ratio_text}[/]",
+            figure.target_text,
             figure.reference,
             figure.detail,
         )

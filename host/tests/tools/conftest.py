@@ -1,7 +1,11 @@
 """Fixtures for the tests of the board commands: worlds, bus connections, firmware images."""
 
+import importlib
 import random
+import sys
 from collections.abc import Callable, Iterator
+from pathlib import Path
+from types import ModuleType
 
 import pytest
 
@@ -15,6 +19,30 @@ from taxel_tools.files.firmware import parse_image
 from taxel_tools.wires import BoardWire, HubWire, SmbusWire
 
 HANG = bytes(8) + b"HANG"
+
+
+TOOLS = Path(__file__).resolve().parents[3] / "tools"
+
+
+@pytest.fixture
+def import_tool(monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[[str, str], ModuleType]]:
+    """Function that imports a module from a folder of tools/, and the modules beside it.
+
+    The modules are removed after the test, because other folders contain modules of the same name; those of the
+    installed package `taxel_tools` stay.
+    """
+    before = set(sys.modules)
+
+    def import_module(folder: str, name: str) -> ModuleType:
+        """Import the module `name` of tools/`folder`."""
+        monkeypatch.syspath_prepend(str(TOOLS / folder))
+        return importlib.import_module(name)
+
+    yield import_module
+    for name in set(sys.modules) - before:
+        path = Path(getattr(sys.modules[name], "__file__", None) or "/")
+        if path.is_relative_to(TOOLS) and not path.is_relative_to(TOOLS / "taxel_tools"):
+            del sys.modules[name]
 
 
 @pytest.fixture
