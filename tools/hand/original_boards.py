@@ -158,7 +158,14 @@ class _Sheet:
         return np.concatenate([centre, self.normal[index], self.distal[index], sides])
 
     def _make_strip(self, index: int, neighbour: int, axis: int, windows: FloatArray) -> list[FloatArray]:
-        """Return the rectangle f64[11] between the windows of two neighbours, in a list; [] if they touch."""
+        """Return the rectangle f64[11] of bare sheet between two neighbouring taxels, in a list; [] without space.
+
+        The window of a taxel is the square that it measures. The rectangle contains centre, normal, distal direction
+        and two sides. index, neighbour: the two taxels. axis: 0 if they are neighbours in the distal direction, 1 if
+        they are neighbours in the left direction. windows: f64[n, 2], sides of the windows, metres. Across `axis`, a
+        strip between distal neighbours is as long as the spacing, so that it covers the corners between four windows,
+        too; other strips are as long as the windows.
+        """
         pair = [index, neighbour]
         distance = float(np.linalg.norm(self.position[neighbour] - self.position[index]))
         width = distance - windows[pair, axis].mean()

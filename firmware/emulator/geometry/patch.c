@@ -278,8 +278,8 @@ int patch_init(struct patch *patch, uint8_t tx_count, uint8_t rx_count, const ui
     return 0;
 }
 
-/* Add rectangles of bare sheet beside the taxels, which carry load but are not measured. Returns 0, or -1 if out of
- * memory. */
+/* Add rectangles of bare sheet beside the taxels, which carry load but are not measured. poses: centre, axes and sides of
+ * each of the `count` rectangles. Returns 0, or -1 if out of memory. */
 int patch_add_margins(struct patch *patch, size_t count, const struct taxel_pose *poses)
 {
     patch->margins = malloc((count ? count : 1) * CELLS_PER_TAXEL * sizeof *patch->margins);

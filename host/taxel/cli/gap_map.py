@@ -14,9 +14,9 @@ from taxel.monitor.map_picture import draw_signal_map
 
 
 def print_gap_map(console: Console, report: Mapping[str, Any], hand_name: str) -> None:
-    """Print a map of the taxels on the terminal: the part of each taxel's gap that repeats do not explain.
+    """Print a map of the taxels on the terminal: the excess of each taxel, which random variation does not explain.
 
-    This quantity is the root of the excess (squared gap minus squared floor), in counts. Nothing is printed if the hand
+    The map shows the root of the excess (squared gap minus squared floor), in counts. Nothing is printed if the hand
     has no packaged description with the same taxels. report: content of `report.json`. hand_name: name of the hand in
     the datasets. The name of a board is bright if a value of the board exceeds the floor.
     """

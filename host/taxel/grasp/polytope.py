@@ -244,7 +244,7 @@ class ConvexPolytope:
         return result
 
     def distance_bound(self, points: npt.ArrayLike) -> FloatArray:
-        """Compute a lower bound of the signed distance of points f64[..., 3], f64[...]: largest height above a face."""
+        """Compute a lower bound f64[...] of the signed distance of points f64[..., 3]: largest height above a face."""
         p = as_points(points)
         height = self.normals @ p.reshape(-1, 3).T - self.offsets[:, None]
         return np.asarray(height.max(axis=0).reshape(p.shape[:-1]))

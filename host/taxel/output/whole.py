@@ -61,8 +61,8 @@ def open_whole_text(path: str | os.PathLike[str], *, overwrite: bool = True) -> 
 def whole_path(path: str | os.PathLike[str], *, overwrite: bool = True) -> Iterator[Path]:
     """Context manager: a path for a library that writes to a path; the file appears as `path` at the end of the block.
 
-    The ending of the given path differs from that of `path`; a library that selects its format by the ending needs the
-    format as an argument. Raises the errors of `write_whole`.
+    The block receives a temporary path with another ending than `path`. A library that selects its format by the
+    ending therefore needs the format as an argument. Raises the errors of `write_whole`.
     """
     with PendingOutput(path, overwrite=overwrite) as pending:
         yield pending.part

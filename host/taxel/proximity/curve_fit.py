@@ -90,8 +90,9 @@ def _fit_support_points(
 def _compute_hat_means(knots: FloatArray, gap: FloatArray, decay: float) -> FloatArray:
     """Compute the mean of each support point's hat function over each taxel's skin points, f64[n, k].
 
-    The hat function of a support point is 1 there, falls linearly to 0 at the adjacent support points, and decays with
-    the power `decay` beyond the last one. knots: f64[k], metres. gap: f64[n, 9], metres.
+    The hat function of a support point is 1 there, and falls to 0 at the adjacent support points, linearly on the axis
+    of `to_axis`. Beyond the last support point its hat function decays exponentially with the rate `decay` on
+    this axis. knots: f64[k], metres. gap: f64[n, 9], metres.
     """
     axis, ends = to_axis(np.minimum(gap, TABLE_END_M)), to_axis(knots)
     index = np.clip(np.searchsorted(ends, axis, side="right") - 1, 0, len(ends) - 2)

@@ -44,7 +44,11 @@ class ChangeDetector:
     """Detector of changes of all quantities at all places of a skin (statistic: see the top of this file)."""
 
     def __init__(self, places: Places, hours_per_false_alarm: float) -> None:
-        """Create a detector. hours_per_false_alarm: T, mean time to a false alarm, hours."""
+        """Create a detector without evidence.
+
+        places: the places of the skin, from which the prior of each quantity follows. hours_per_false_alarm: mean time
+        to a false alarm, hours (T in the formula of `update`).
+        """
         self._period_s = 3600.0 * hours_per_false_alarm
         self._prior = {quantity.name: _make_prior(quantity, places) for quantity in QUANTITIES}
         self.reset()

@@ -83,10 +83,11 @@ def test_grasps_of_one_object_have_poses_of_their_own(boards):
     assert np.abs(compute_shape_errors(found, samples)).max() < 2e-5
 
 
-def test_a_false_separation_does_not_change_the_pose(boards):
+def test_one_wrong_stated_depth_does_not_change_the_estimated_pose(boards):
+    """The depths of all other samples agree with the estimated pose."""
     true = make_motion(4) @ boards
     samples = make_samples(true)
-    samples.depth[7] += 3e-3
+    samples.depth[7] += 3e-3  # metres; 7 is a sample of the first board
     found = estimate_poses(boards, np.zeros(3, np.intp), samples, compute_depths)
     errors = np.delete(compute_shape_errors(found, samples)[0], 7)
     assert np.abs(errors).max() < 1e-4

@@ -181,11 +181,14 @@ def test_the_colour_is_linear_in_the_root_of_the_excess_on_a_common_scale() -> N
     assert list_classes(unrolled_svg(report, "before"))[0] == f"q{STEPS // 2}"
 
 
-def test_the_scale_ends_at_three_floors_or_above() -> None:
-    noise = ([1.0, 0.0], [0.5, 0.0])
-    # The root of the largest excess, 1 count, is below three floors.
-    assert compute_top(noise, FLOOR) == 3 * FLOOR
-    assert select_step(1.0, compute_top(noise, FLOOR)) <= 2
+def test_the_colour_scale_ends_at_three_floors_if_all_taxels_are_below() -> None:
+    before, after = [1.0, 0.0], [0.5, 0.0]  # excess of two taxels without and with the effects, counts^2
+    top = compute_top((before, after), FLOOR)
+    assert top == 3 * FLOOR
+    assert select_step(1.0, top) <= 2  # small deviations get one of the first three colours
+
+
+def test_the_end_of_the_colour_scale_is_positive_without_any_excess() -> None:
     assert compute_top(([-1.0], [-2.0]), 0.0) > 0.0
 
 

@@ -61,7 +61,7 @@ def test_a_late_tick_does_not_shift_later_ticks() -> None:
 @pytest.mark.parametrize(
     ("work_s", "next_period", "missed"), [(0.4375, 1, 0), (0.5, 2, 1), (0.5625, 2, 1), (1.3, 5, 4)]
 )
-def test_a_period_is_missed_if_its_tick_would_start_after_the_next_deadline(
+def test_a_period_is_missed_if_its_tick_would_start_at_the_next_deadline_or_later(
     work_s: float, next_period: int, missed: int
 ) -> None:
     """The period is 0.25 s. After work of 0.4375 s, tick 1 is late, but starts before the deadline of tick 2."""

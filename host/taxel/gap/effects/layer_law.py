@@ -115,10 +115,12 @@ def fit_piece_law(law: ForceDepthLaw, contacts: Sequence[tuple[FloatArray, Float
 
     The result is `law` if no fitted law has a smaller error. law: law of whole taxels. contacts: for each loaded board,
     the depths of the pieces, f64[m, 9] (m taxels of the board, 9 pieces of each), metres, and the forces of the taxels,
-    f64[m], newtons. A taxel that is loaded unevenly, for example by a ridge or at a rim, has a different force at the
-    depth of its centre than an evenly loaded taxel. Two steps alternate: the present law determines the depths of the
-    pieces at the net force of each board; then the slopes of a piecewise linear law are fitted to the forces
-    (non-negative least squares).
+    f64[m], newtons. Only the differences of the depths within a board are used.
+
+    A taxel that is loaded unevenly, for example by a ridge or at a rim, has a different force at the depth of its
+    centre than an evenly loaded taxel. Two steps alternate: each board is shifted towards the object until the present
+    law gives its net force, which determines the depths of the pieces; then the slopes of a piecewise linear law are
+    fitted to the forces of the taxels at these depths (non-negative least squares).
     """
     if not contacts:
         return law

@@ -41,10 +41,14 @@ MIN_PROBABILITY: Final = 0.02
 def compute_cloud_gap(pair: Pair, real: SessionMeans, model: FloatArray, seed: int) -> dict[str, Any]:
     """Return the field `gap.mm` of the report, millimetres: value, 95 % interval, floor and placebo.
 
-    model: features of the simulator, f64[C, F, n] (C conditions, F features, n taxels), counts. seed: seed of the
-    random taxels of the placebo. The floor is the mean distance between each session and the other sessions; it is 0 if
-    no condition has two sessions. The placebo is the mean distance after random taxels were added to the simulated
-    cloud until it has as many points as the real cloud.
+    A cloud consists of the positions of the active taxels during the hold; each point is weighted by the probability
+    that its taxel is active. The value is the Chamfer distance between the real and the simulated cloud, averaged over
+    conditions and sessions; its interval is a jackknife over the sessions. The floor is the mean distance between the
+    real cloud of each session and that of the other sessions; it is 0 if no condition has two sessions. The placebo is
+    the mean distance after random taxels were added to the simulated cloud until it has as many points as the real one.
+
+    model: features of the simulator, f64[C, F, n] (C conditions, F features, n taxels), counts; the first features are
+    the signals in the time bins. seed: seed of the random taxels of the placebo.
     """
     hold = int(pair.time_grid.find_bins(Phase.HOLD)[0])
     sessions = real.value.shape[1]

@@ -99,8 +99,9 @@ static int measure(const struct polygon *polygon, struct sim_part *part)
     return 1;
 }
 
-/* Set the part of a square that only the face of the part indents, over its whole area. The depth is a linear function
-   of two coordinates between -1 and 1 (half sides), each with the variance 1 / 3. */
+/* Set share, centre, mean depth and standard deviation of the depth of a part that is the whole square: one face of the
+   solid, `part->face`, indents it everywhere. The depth is then a linear function of two coordinates between -1 and 1
+   (half sides), each with the variance 1 / 3. */
 static void set_whole(struct sim_part *part)
 {
     const double *change = part->face.change;
