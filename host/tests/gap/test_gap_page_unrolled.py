@@ -284,3 +284,13 @@ def test_the_png_is_reproducible_and_contains_the_colours_of_the_hand(tmp_path: 
     colours = {tuple(round(255 * float(c)) for c in pixel[:3]) for pixel in picture.reshape(-1, picture.shape[2])[::7]}
     for colour in (LIGHT[0], LIGHT[-1]):
         assert tuple(int(colour[k : k + 2], 16) for k in (1, 3, 5)) in colours
+
+
+def test_the_png_of_a_report_without_named_effects_shows_the_hand_once(tmp_path: Path) -> None:
+    """Nothing is added to the simulator, so a second picture would equal the first one."""
+    report = make_report("original")
+    unrolled_png(report, tmp_path / "one.png")
+    report["verdict"] |= {"status": "explained", "effects": ["noise"]}
+    unrolled_png(report, tmp_path / "both.png")
+    both, one = (matplotlib.image.imread(tmp_path / name).shape[1] for name in ("both.png", "one.png"))
+    assert one < 0.6 * both

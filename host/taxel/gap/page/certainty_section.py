@@ -49,7 +49,7 @@ def list_support(report: CheckedReport) -> list[str]:
         return support
     if is_small(p):
         support.append(f"The gap is hardly due to chance ({format_p_equation(p)}).")
-    if any(name != "unknown" for name in report.verdict.texts("effects")):
+    if report.named_effects:
         bounds = after.optional_interval("shrink_ci95")
         interval = f" (95{SPACE}% interval {format_shrink_interval(bounds)})" if bounds else ""
         shrink = format_shrink(after.optional_number("shrink"))
@@ -76,7 +76,7 @@ def list_doubts(report: CheckedReport) -> list[str]:
     effects that these contacts do not distinguish from a named effect.
     """
     doubts = [_as_sentence(text) for text in report.verdict.texts("reasons")]
-    if any(name != "unknown" for name in report.verdict.texts("effects")):
+    if report.named_effects:
         p, rest = report.gap.optional_number("p_value"), report.root.field("unexplained").optional_number("p_value")
         if p is not None and not is_small(p):
             doubts.append(f"The mean over all sessions shows no significant gap ({format_p_equation(p)}).")

@@ -32,7 +32,7 @@ def _list_gap_rows(report: CheckedReport) -> list[Row]:
 
     Without a named effect there are only the gap and the floor (the gap that repeats and sessions alone cause).
     """
-    after, effects = report.after, sum(name != "unknown" for name in report.verdict.texts("effects"))
+    after, effects = report.after, len(report.named_effects)
     before, floor = after.optional_number("before"), after.optional_number("floor")
     rows = [_make_row("Gap before" if effects else "Gap", before, "counts", "RMS difference in held-out grasps")]
     floor_row = _make_row("Floor", floor, "counts", "part that repeats and sessions alone cause")

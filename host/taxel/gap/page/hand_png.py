@@ -1,4 +1,4 @@
-"""The unrolled hand before and after as a PNG file, for documents and terminals."""
+"""The unrolled hand as a PNG file, for documents and terminals."""
 
 import os
 import textwrap
@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from taxel.gap.page.colours import LIGHT, STEPS
-from taxel.gap.page.hand_drawing import MIN_SHARE, STAGES, BoardDrawing, ViewDrawing, require_unrolled_hand
+from taxel.gap.page.hand_drawing import MIN_SHARE, BoardDrawing, ViewDrawing, require_unrolled_hand
 from taxel.gap.page.text import SMALL_P, format_number
 from taxel.gap.report.checked_report import CheckedReport
 from taxel.output.figure import save_figure
@@ -28,7 +28,7 @@ def unrolled_png(report: Mapping[str, Any], path: str | os.PathLike[str]) -> Non
     """Save a picture of the unrolled hand, whose taxels are coloured by their excess, as the PNG file `path`.
 
     The picture shows the excess before and after the effects of the verdict are added to the simulator, on one colour
-    scale. Its title is the verdict.
+    scale; without such effects it shows the measured excess alone. Its title is the verdict.
 
     Args:
         report: content of `report.json`, as `json.load` returns it.
@@ -41,10 +41,12 @@ def unrolled_png(report: Mapping[str, Any], path: str | os.PathLike[str]) -> Non
     hand = require_unrolled_hand(report)
     checked = CheckedReport(report)
     verdict = checked.verdict.optional_text("headline") or checked.verdict.text("one_line")
-    captions = {
-        "before": f"Before: {format_number(checked.after.optional_number('before'))} counts",
-        "after": f"After: {format_number(checked.after.optional_number('value'))} counts",
-    }
+    before, after = (format_number(checked.after.optional_number(name)) for name in ("before", "value"))
+    captions = (
+        {"before": f"Before: {before} counts", "after": f"After: {after} counts"}
+        if checked.named_effects
+        else {"before": f"Gap: {before} counts"}
+    )
     import matplotlib
 
     matplotlib.use("Agg")
@@ -52,7 +54,7 @@ def unrolled_png(report: Mapping[str, Any], path: str | os.PathLike[str]) -> Non
 
     stage_width = sum(view.width + _GAP for view in hand.views)
     tallest = max(view.height for view in hand.views)
-    width, height = max(2 * stage_width, _MIN_WIDTH), _TITLE + _CAPTION + tallest + _SCALE
+    width, height = max(len(captions) * stage_width, _MIN_WIDTH), _TITLE + _CAPTION + tallest + _SCALE
     figure = plt.figure(figsize=(_INCHES_PER_PITCH * width, _INCHES_PER_PITCH * height), facecolor=_GROUND)
     axis = figure.add_axes((0.0, 0.0, 1.0, 1.0))
     axis.set_xlim(0.0, width)
@@ -60,9 +62,9 @@ def unrolled_png(report: Mapping[str, Any], path: str | os.PathLike[str]) -> Non
     axis.axis("off")
     title = textwrap.fill(verdict, int(_LETTERS_PER_PITCH * width), max_lines=2, placeholder=" ...")
     _write(axis, _GAP, 1.2, title, fontsize=11, fontweight="bold", verticalalignment="top")
-    for index, stage in enumerate(STAGES):
-        x, bottom = _GAP / 2 + index * width / 2, _TITLE + _CAPTION + tallest
-        _write(axis, x + 1.0, _TITLE + 2.0, captions[stage], fontsize=10)
+    for index, (stage, caption) in enumerate(captions.items()):
+        x, bottom = _GAP / 2 + index * width / len(captions), _TITLE + _CAPTION + tallest
+        _write(axis, x + 1.0, _TITLE + 2.0, caption, fontsize=10)
         for view in hand.draw(stage):
             _draw_view(axis, view, x, bottom - view.height)
             x += view.width + _GAP
@@ -114,7 +116,8 @@ def _draw_scale(axis: Any, top: float, y: float) -> None:
         text = format_number(share * top)
         _write(axis, _GAP + share * _RAMP, y + 2.9, text, fontsize=7, color=_MUTED, horizontalalignment="center")
     marks = f"arrow: line with p < {SMALL_P}; bold frame: board with p < {SMALL_P} and {100 * MIN_SHARE:.0f} % or more"
-    _write(axis, _GAP + _RAMP + 2.5, y + 1.1, f"root of the excess, counts; {marks}", fontsize=7, color=_MUTED)
+    for line, text in enumerate(("root of the excess, counts", marks)):
+        _write(axis, _GAP + _RAMP + 2.5, y + 1.1 + 1.8 * line, text, fontsize=7, color=_MUTED)
 
 
 def _write(axis: Any, x: float, y: float, text: str, **style: Any) -> None:

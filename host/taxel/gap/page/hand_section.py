@@ -20,7 +20,7 @@ def build_hand_section(report: CheckedReport) -> SectionData:
     malformed field.
     """
     hand = read_unrolled_hand(report)
-    added = [make_readable(name) for name in report.verdict.texts("effects") if name != "unknown"]
+    added = [make_readable(name) for name in report.named_effects]
     stages = [] if hand is None else [_build_stage(hand, stage, added) for stage in (STAGES if added else STAGES[:1])]
     title = "Before and after" if added else "The remaining noise" if report.is_no_gap else "The difference"
     context = {

@@ -66,6 +66,11 @@ class CheckedReport:
         """Whether the two datasets agree."""
         return self.status == "no_gap"
 
+    @property
+    def named_effects(self) -> list[str]:
+        """Names of the effects of the verdict, without an unknown cause."""
+        return [name for name in self.verdict.texts("effects") if name != "unknown"]
+
     @cached_property
     def gap(self) -> ReportValue:
         """The gap over all grasps."""
