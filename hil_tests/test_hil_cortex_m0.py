@@ -177,10 +177,11 @@ def test_board_with_a_psoc_4100s_measures_the_counts_of_a_native_board(hand: Han
 
 
 def test_executed_board_has_the_scan_period_of_a_native_board(hand: Hand) -> None:
-    """Compares all 17 boards, to 5 parts in 100,000: the scan period does not depend on the crossings of the board.
+    """On each of the 17 boards, which have different crossings, the two periods agree to 5 parts in 100,000.
 
     An executed board runs the ARM code of its image, a native board the same firmware compiled for the PC. The period
-    follows from two snapshot headers (scan number, board time in microseconds) that are read a second apart.
+    of a board follows from two of its snapshot headers (scan number, board time in microseconds), which are read a
+    second apart.
     """
     periods = []
     for lines in ("", format_image_lines(*(board.address for board in hand.boards))):

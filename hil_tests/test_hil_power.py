@@ -173,8 +173,10 @@ def test_all_boards_stream_after_a_brown_out_of_the_hub_which_reports_its_cause(
 
 
 def test_reply_to_a_restart_is_complete_at_any_phase_of_the_stream(rig: Rig, skin: Skin) -> None:
-    """The host repeats a command without a reply; the restarted hub would reject it, because no version is agreed.
+    """If the reply is incomplete, `reboot` raises an error.
 
+    The host repeats a command that has no reply. The restarted hub rejects the repeated command, because no protocol
+    version has been agreed since the restart.
     A hub that restarts before its last bytes are sent fails at about one phase in twenty.
     """
     for number in range(60):

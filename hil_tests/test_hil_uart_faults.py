@@ -15,7 +15,10 @@ N_FAULTS = 40
 @pytest.mark.needs("uart_faults", "counts")
 @pytest.mark.parametrize("fault", FAULTS_TO_HOST)
 def test_one_damaged_byte_loses_only_the_frames_that_contain_it(rig: Rig, skin: Skin, fault: str) -> None:
-    """The delimiter between two frames belongs to both, so a lost or doubled byte may cost two frames."""
+    """The delimiter between two frames belongs to both, so a lost or doubled byte may cost two frames.
+
+    The lower limit of the losses, a frame for every second fault, shows that the faults take effect.
+    """
     read_frames(rig, skin, 0.3)
     counts = KnownCounts(rig)
     read_frames(rig, skin, 0.2)

@@ -23,8 +23,8 @@ uint16_t taxel_boot_packet_checksum(const uint8_t *bytes, size_t size, uint8_t c
     return (uint16_t)((crc << 8) | (crc >> 8));
 }
 
-/* Parse a received packet. `packet->data` points into `bytes`. Returns TAXEL_BOOT_STATUS_OK or the status that the
- * response must contain. */
+/* Parse a received packet. `packet->data` points into `bytes`. `checksum`: kind of the checksum
+ * (TAXEL_BOOT_CHECKSUM_...). Returns TAXEL_BOOT_STATUS_OK or the status that the response must contain. */
 uint8_t taxel_boot_packet_parse(struct taxel_boot_packet *packet, const uint8_t *bytes, size_t size, uint8_t checksum)
 {
     if (size < TAXEL_BOOT_PACKET_OVERHEAD || size > TAXEL_BOOT_PACKET_MAX ||
@@ -45,7 +45,8 @@ uint8_t taxel_boot_packet_parse(struct taxel_boot_packet *packet, const uint8_t 
 }
 
 /* Complete a response packet, whose `length` data bytes are already at bytes + TAXEL_BOOT_DATA_OFFSET, with start byte,
- * status, length, checksum and end byte. Returns its size in bytes. */
+ * status, length, checksum and end byte. `checksum`: kind of the checksum (TAXEL_BOOT_CHECKSUM_...). Returns the size
+ * of the packet in bytes. */
 size_t taxel_boot_packet_build(uint8_t *bytes, uint8_t status, uint8_t length, uint8_t checksum)
 {
     const size_t end = TAXEL_BOOT_DATA_OFFSET + (size_t)length;

@@ -36,8 +36,9 @@ static uint16_t missing_between(uint16_t cycles, uint16_t scans)
 }
 
 /* Fill the members of a row that come from the header of a taxel frame, count missing frames of its board, and store
- * the poll cycle and scan numbers for the next frame. A board that is polled while it encodes a compact snapshot
- * delivers nothing in this cycle and a newer snapshot in the next cycle: `skipped` such scans are no loss. */
+ * the poll cycle and scan numbers for the next frame. `skipped`: largest number of absent scans that do not count as
+ * missing, because a board that is polled while it encodes a compact snapshot delivers nothing in this cycle, and a
+ * newer snapshot in the next cycle. */
 static void fill_header_and_count_missing(struct taxel_batch *batch, struct taxel_batch_row *row,
                                           const struct taxel_taxel_header *header, uint16_t skipped)
 {

@@ -16,9 +16,10 @@ static uint64_t get_uint(const uint8_t *bytes, size_t size)
     return value;
 }
 
-/* Move `length` bytes from `from` to the address `to`, which is at least a record head lower. `readable`: bytes that can
- * be read at `from`. If possible, PACKET bytes are copied, because a copy of fixed size is faster. The bytes beyond
- * `length` then overwrite at most a record head, so that the data behind the source stay unchanged. */
+/* Move `length` bytes from `from` to `to`, which lies at least TAXEL_CAPTURE_RECORD_HEAD bytes before `from`.
+ * `readable`: number of bytes that can be read at `from`. If possible, PACKET bytes are copied instead of `length`,
+ * because a copy of fixed size is faster. These are at most TAXEL_CAPTURE_RECORD_HEAD bytes more, so the copy ends
+ * before the end of the source, and the data behind the source stay unchanged. */
 static void move_down(uint8_t *to, const uint8_t *from, size_t length, size_t readable)
 {
     if (length <= PACKET && length + TAXEL_CAPTURE_RECORD_HEAD >= PACKET && readable >= PACKET) {
@@ -30,10 +31,11 @@ static void move_down(uint8_t *to, const uint8_t *from, size_t length, size_t re
     }
 }
 
-/* A record has a head of an arrival time (ns, 8 bytes) and a payload size (4 bytes), then the payload.
- * Join the payloads of the capture records in `bytes`, in place, and list for each record its arrival time (ns) and the
- * stream position of its end. `position` is the stream position before the first payload. An incomplete last record
- * stays unchanged; `block` returns its size, the bytes used, the payload bytes and the number of records. */
+/* Join the payloads of the capture records in `bytes`, in place, and list for each record its arrival time (ns) and the
+ * stream position of its end. A record consists of a head, with arrival time (ns, 8 bytes) and payload size (4 bytes),
+ * and of the payload. `position` is the stream position before the first payload. An incomplete last record stays
+ * unchanged. `block` receives the number of records, of the bytes used, of the payload bytes, and the size of an
+ * incomplete last record (0: unknown, or there is none). */
 void taxel_capture_gather(uint8_t *bytes, size_t size, uint64_t position, struct taxel_capture_arrival *arrivals,
                           struct taxel_capture_block *block)
 {

@@ -16,7 +16,7 @@ static void set_answer(struct taxel_compact_receiver *receiver, enum taxel_compa
 }
 
 /* Return whether the `format` byte of a compact snapshot is valid: its width (bits per packed count, 0 for a delta
- * frame) is permitted, and the bits of the initial scale of the prediction are set in a packed key frame only. */
+ * frame) is permitted, and the start bits (initial value of the expected spread) are 0 except in a packed key frame. */
 static bool format_is_valid(uint8_t format)
 {
     const bool has_start = format & TAXEL_COMPACT_KEY_FRAME && format & TAXEL_COMPACT_WIDTH_MASK;

@@ -89,8 +89,8 @@ void board_cortex_close(struct board_node *board)
     }
 }
 
-/* Switch a board that executes an image off and, if `on`, on again at the virtual time `now`. reset_cause: reset cause
- * of the protocol. */
+/* Switch a board that executes an image off and, if `on`, on again at the virtual time `now`. reset_cause: enum
+ * taxel_reset_cause. */
 void board_cortex_set_power(struct board_node *board, bool on, vtime now, uint8_t reset_cause)
 {
     psoc_power_off(board->psoc);

@@ -157,8 +157,9 @@ void board_fields_all_rises(const struct board_fields *fields, vtime time, doubl
     compute_past_rises(fields, &span, get_present_interval(fields).from, rise);
 }
 
-/* Return whether the fields of the board (relative rises of its taxels' capacitances), with the delay of its history,
- * do not change around this virtual time. */
+/* Return whether the fields that the board measures (relative rises of its taxels' capacitances) do not change around
+ * this virtual time. The fields of a board with a delayed response (effect `late`) change until the delay after the
+ * last change has elapsed. */
 bool board_fields_are_constant(const struct board_fields *fields, vtime time)
 {
     if (fields->history && time < fields->last_change + fields->history->delay + CONVERSION_MARGIN) {

@@ -308,8 +308,9 @@ uint16_t board_run_conversion(struct board_node *board)
     return electronics_convert(board->electronics, &conversion);
 }
 
-/* Return the virtual time at which an interrupt that is raised at `time` begins. After another interrupt it begins
- * earlier by the tail-chaining saving, because the CPU does not return to the main program in between. */
+/* Return the virtual time at which an interrupt that is raised at `time` begins: at once if the CPU is free. Otherwise
+ * it begins when the CPU is free, less the cycles that tail-chaining saves, because the CPU does not return to the main
+ * program between two interrupts. */
 static vtime interrupt_begin_time(const struct board_node *board, vtime time)
 {
     return vtime_max(time, board->cpu_free > time ? board->cpu_free - board_cycles_to_time(board, COST_TAIL_CHAIN) : 0);
@@ -339,8 +340,8 @@ static void start_main_loop(struct board_node *board)
     }
 }
 
-/* Run the firmware's main loop until a virtual time: each pass ends when the coding of a compact snapshot would end on
- * the processor. */
+/* Run the firmware's main loop until a virtual time. Each pass is executed as a whole, at the virtual time at which the
+ * processor would have finished its work, the coding of a compact snapshot. */
 static void run_main_loop(struct board_node *board, vtime until)
 {
     start_main_loop(board);

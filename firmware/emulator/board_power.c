@@ -121,8 +121,8 @@ void board_run_stall(struct board_node *board, vtime until)
     }
 }
 
-/* Switch a board's power off, or reset it at virtual time `now`. reset_cause: reset cause of the protocol. All pending
- * conversions and held lines end. */
+/* Switch a board's power off (`on` false), or reset the board (`on` true), at virtual time `now`. All pending
+ * conversions and held lines end. reset_cause: enum taxel_reset_cause. */
 void board_set_power(struct board_node *board, bool on, vtime now, uint8_t reset_cause)
 {
     board->is_powered = on;

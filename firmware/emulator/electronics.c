@@ -193,8 +193,9 @@ static double sensed_capacitance(struct electronics *electronics, const struct e
                                      : electronics->mutual[tx][rx];
 }
 
-/* Return the count before noise, saturation and quantisation, in the order of the signal path: capacitance of the
- * crossing with crosstalk, droop of the supply, and lag. seconds: virtual time. */
+/* Return the count before noise, saturation and quantisation. The function applies, in the order of the signal path,
+ * the capacitance of the crossing with crosstalk, the droop of supply and reference, and the lag. seconds: virtual
+ * time. */
 static double hardware_count(struct electronics *electronics, const struct electronics_conversion *conversion,
                              double seconds)
 {

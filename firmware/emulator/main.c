@@ -133,8 +133,8 @@ static void sleep_ms(int milliseconds)
     (void)poll(NULL, 0, milliseconds);
 }
 
-/* Return whether virtual time may run faster than real time. With an interactive host it may only while the hub
- * streams: otherwise virtual time would advance without limit while the host prepares its next command. */
+/* Return whether virtual time may run faster than real time. With an interactive host, this is permitted only while the
+ * hub streams: otherwise virtual time would advance without limit while the host prepares its next command. */
 static bool can_run_fast(const struct options *options, const struct world *world)
 {
     const bool interactive = world->endpoint->kind == ENDPOINT_FD || world->endpoint->kind == ENDPOINT_PTY;

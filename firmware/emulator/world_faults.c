@@ -55,8 +55,9 @@ static void apply_to_board(struct world *world, struct board_node *board, const 
     }
 }
 
-/* Apply a fault to the branch that contains the board with the fault's address: its lines, and the power of its boards.
- * Returns 0, or -1 if there is no such branch or the fault selects lines that it cannot have. */
+/* Apply a fault to the branch that contains the board with the fault's address: to the lines of the branch and, for an
+ * open or a restored supply, to the power of its boards. Returns 0, or -1 if there is no such branch or if the value of
+ * the fault selects a line that this kind of fault cannot affect. */
 static int apply_to_branch(struct world *world, const struct fault_description *fault)
 {
     struct bus_wiring *wiring = &world->bus.wiring;

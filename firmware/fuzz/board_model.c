@@ -76,8 +76,8 @@ static void begin_scan(struct board_model *model)
     model->conversions_started++;
 }
 
-/* Start continuous scans of the model, unless they are running. The result of a conversion that still runs since before
- * an earlier stop will be discarded; the first scan then begins at the end of this conversion. */
+/* Start continuous scans of the model, unless they are running. A conversion may still be running that began before the
+ * scans were stopped. Its result will be discarded, and the first scan begins when this conversion ends. */
 void model_start(struct board_model *model)
 {
     if (model->scanning) {
@@ -116,8 +116,9 @@ static void complete_scan(struct board_model *model)
     model->newest.exists = true;
 }
 
-/* End the running conversion of the model with this raw count; 0 means a saturated conversion. The next conversion
- * begins, in a new scan after the last taxel; a stopped board discards the raw count and starts none. */
+/* End the running conversion of the model with this raw count; 0 means a saturated conversion. Then the next conversion
+ * begins; after the last taxel, it is the first conversion of a new scan. A stopped board discards the raw count and
+ * starts no conversion. The raw count of a conversion that began before a stop is also discarded (model_start()). */
 void model_conversion(struct board_model *model, uint16_t raw_count)
 {
     const bool is_dropped = model->dropped_conversion;

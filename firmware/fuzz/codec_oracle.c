@@ -145,12 +145,13 @@ struct board_history {
     uint16_t cycle, scan;
 };
 
-/* Compute the flags and the number of missing cycles of a frame with taxel data, and add both to the totals of its
- * board. A snapshot with a wrong CRC of the board is damaged. Missing cycles are the poll cycles since the board's last
- * frame whose frame of the board was lost. `history` contains cycle and scan number of the last frame of each board,
- * indexed by I2C address. The number of missing cycles is the smaller of the differences of cycle and scan number,
- * minus 1. For a compact frame (type 0x03) the difference of the scan number is reduced by 1, because a board that is
- * coding a snapshot has no frame to send. */
+/* Compute the flags and the number of missing frames of a frame with taxel data, and add both to the totals of its
+ * board. The frame is damaged if the board's CRC in its snapshot is wrong. `history` contains cycle and scan number of
+ * the last frame of each board, indexed by I2C address.
+ * Missing frames are the frames that the board should have sent between its last frame and this frame. Their number is
+ * the smaller of two differences from the last frame, minus 1: the difference of the cycle numbers and the difference
+ * of the scan numbers. For a compact frame (type 0x03) the difference of the scan numbers is first reduced by 1,
+ * because a board that is coding a snapshot has no frame to send. */
 static void count_board(struct oracle *oracle, struct oracle_frame *frame, struct board_history *history)
 {
     struct taxel_batch_totals *totals = &oracle->totals;
@@ -199,9 +200,10 @@ static bool is_restart(const struct oracle *oracle, const struct oracle_frame *f
     return restarts;
 }
 
-/* Compute the expected number of lost frames from the sequence numbers, and all totals. Unknown frames of the same
- * sender share its sequence numbers; frames of the other direction do not and are skipped. No decoder delivers unknown
- * frames: frames lost before an unknown frame (`before_unknown`) are stated with the next known frame. */
+/* Compute the expected number of lost frames before each frame from the sequence numbers, and all totals. Frames of the
+ * other direction are skipped, because they have their own sequence numbers. Unknown frames are included, because they
+ * have the sequence numbers of their sender. No decoder delivers unknown frames, so the number of frames lost before an
+ * unknown frame (`before_unknown`) is stated with the next known frame. */
 static void count_losses(struct oracle *oracle)
 {
     struct board_history history[TAXEL_BATCH_ADDRESSES] = {{0}};

@@ -195,7 +195,7 @@ static void receive(const uint8_t *bytes, size_t size, uint8_t damage)
 
 /* Read register COMPACT of the board as the hub does, with a pass of the main loop in the middle of the read, and
  * deliver the snapshot to the host. `with_pointer`: write the register pointer first, after which the board may repeat
- * a snapshot. */
+ * a snapshot. `damage`: damage of the delivered snapshot, see receive(). */
 static void poll_board(bool with_pointer, uint8_t damage)
 {
     uint8_t bytes[FRAME_MAX];

@@ -24,8 +24,8 @@ static unsigned steps;          /* events of the hub so far in this fuzz input, 
 static bool sent_invalid_bytes; /* bytes that are not exactly one frame between two delimiters */
 
 /* Run the hub for up to `count` of its events (ends of transfers and wake-ups). Stops earlier after STEPS_MAX events of
- * one fuzz input, at a restart of the hub, or when no event is due: events at BENCH_NEVER (none) and BENCH_NEVER - 1 (a
- * transfer that never ends) do not occur. */
+ * one fuzz input, at a restart of the hub, or when no event is due. The time limit BENCH_NEVER - 2 excludes two times
+ * that are not events: BENCH_NEVER means no event, and BENCH_NEVER - 1 the end of a transfer that never ends. */
 static void run_hub(unsigned count)
 {
     while (count-- && steps < STEPS_MAX && !bench.restarted && bench_step(BENCH_NEVER - 2u)) {
@@ -225,8 +225,7 @@ static void run_event(struct fuzz_input *input)
 }
 
 /* Remove all faults of the bus, let the host read, and run until the command in progress ends. The command must end
- * within QUIET_STEPS events, or by a restart that it requested. Events at BENCH_NEVER (none) and BENCH_NEVER - 1 (a
- * transfer that never ends) do not occur. */
+ * within QUIET_STEPS events, or by a restart that it requested. The time limit of bench_step() is that of run_hub(). */
 static void run_without_faults(void)
 {
     bench.outcome = BENCH_PROCEED;

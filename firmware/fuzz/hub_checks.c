@@ -11,9 +11,9 @@ static void check_disjoint(size_t begin, size_t end, size_t other_begin, size_t 
     FUZZ_CHECK(end <= other_begin || other_end <= begin);
 }
 
-/* Check the buffer of a transfer that reads `size` bytes to `offset` of the transfer pool: the offset is that of the
- * job's buffer, and the bytes with their headroom and tailroom (space for the frame around them) lie inside the pool
- * and overlap no buffer that waits for transmission. */
+/* Check the buffer of a transfer that reads `size` bytes to `offset` of the transfer pool. The offset must be that of
+ * the job's buffer. The bytes with their headroom and tailroom (space for the frame around them) must lie inside the
+ * pool, and must overlap no buffer that waits for transmission. */
 void bench_check_buffer(size_t offset, size_t size)
 {
     const struct taxel_hub *const hub = &bench.hub;

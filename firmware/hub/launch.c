@@ -24,9 +24,10 @@ static bool polls_compact(const struct taxel_hub *hub, const struct taxel_hub_sl
 }
 
 /* Start the I2C transfer of a job (`kind`: enum taxel_job_kind) into the buffer at hub->job.pool_offset and set its
- * time limit. Writes hub->job.write_bytes first; pass-through and settings are written from other buffers. Settings are
- * read behind the identity, with which they form one BOARD_INFO frame. A compact snapshot is read together with its
- * length byte, which goes into the byte before the buffer. */
+ * time limit. The transfer first writes the bytes hub->job.write_bytes; the bytes of a pass-through and of scan
+ * settings are in other buffers. Scan settings are read to the space behind the identity, because both form one
+ * BOARD_INFO frame. A compact snapshot is read together with its length byte, which is stored in the byte before the
+ * buffer. */
 void taxel_hub_launch(struct taxel_hub *hub, uint8_t kind, uint8_t slot, uint8_t address, size_t read_size)
 {
     const struct taxel_hub_hal *hal = taxel_hub_hal_of(hub);

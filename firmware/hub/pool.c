@@ -6,8 +6,9 @@
 #include "hub/internal.h"
 
 /* Set hub->job.pool_offset to a free part of the transfer pool, the memory for bytes read over I2C, for a transfer that
- * reads `size` bytes. Returns false if no part is free at present. The occupied part is [begin, end), as in a ring: the
- * queued large frames from the oldest to the newest, then the unframed bytes. */
+ * reads `size` bytes. Returns false if no part is free at present. The pool is used as a ring. Its occupied part begins
+ * at `begin` and ends before `end`. It contains the large frames (queued frames in the pool) from the oldest to the
+ * newest, then the unframed bytes (bytes that were read and are not yet a frame). */
 bool taxel_hub_find_buffer(struct taxel_hub *hub, size_t size)
 {
     const struct taxel_outbox *outbox = &hub->outbox;

@@ -168,7 +168,7 @@ static bool launch_clock(struct taxel_hub *hub)
     return false;
 }
 
-/* Return the usable I2C address after `address`; the first one after the last one. */
+/* Return the usable I2C address that follows `address`. The first address follows the last address. */
 static uint8_t next_address(uint8_t address)
 {
     const bool is_outside = address < TAXEL_ADDRESS_MIN || address >= TAXEL_ADDRESS_MAX;

@@ -27,8 +27,9 @@ static void decode_prefix(const uint8_t *frame, uint8_t prefix[PREFIX_SIZE])
     }
 }
 
-/* Count a queued frame, which begins with its delimiter, as dropped instead of forwarded. Returns its sequence number,
- * which a LOG frame takes over, because later frames are already numbered. */
+/* Count a queued frame as dropped instead of forwarded. `frame` begins with the delimiter. Returns the sequence number
+ * of the frame. The caller gives this number to a LOG frame: otherwise the number would be missing, because later
+ * frames are already numbered. */
 static uint16_t discard_frame(struct taxel_hub *hub, const uint8_t *frame)
 {
     uint8_t prefix[PREFIX_SIZE];

@@ -144,9 +144,9 @@ static bool may_latch(const struct taxel_sensor *sensor)
            (pointer < TAXEL_REGISTER_SNAPSHOT || pointer > TAXEL_REGISTER_SNAPSHOT_LAST);
 }
 
-/* Latch the newest complete scan for encoding; returns whether there is one. `latches` receives the number of this
- * latch, by which a later latch by a reader is detected. A reader of compact snapshots that has not read for IDLE_US is
- * forgotten. */
+/* Latch the newest complete scan for encoding; returns false if no scan may be latched (may_latch()). After a latch,
+ * *latches is the number of latches so far: if the number is another one later, a reader has latched another scan. If
+ * no compact snapshot has been read for IDLE_US, the board no longer has a reader of compact snapshots. */
 static bool latch_newest(struct taxel_sensor *sensor, uint8_t *latches)
 {
     struct taxel_compact *compact = &sensor->compact;
@@ -163,10 +163,12 @@ static bool latch_newest(struct taxel_sensor *sensor, uint8_t *latches)
     return is_latched;
 }
 
-/* Return whether the next compact snapshot must be marked as a key frame. Without a pending (not yet acknowledged) key
- * frame: no key frame is acknowledged, the predictions still adapt to the counts, the encoded size has grown, or PERIOD
- * snapshots were read since the last key frame. With a pending key frame: it was not read yet, or its acknowledgement
- * is overdue. An overdue acknowledgement doubles the timeout of the next one, up to TIMEOUT_READS_MAX. */
+/* Return whether the next compact snapshot must be marked as a key frame. A key frame is pending until the host
+ * acknowledges it.
+ * - No key frame is pending: true if no key frame is acknowledged, if the predictions still adapt to the counts, if the
+ *   encoded size has grown, or if PERIOD snapshots were read since the last key frame.
+ * - A key frame is pending: true if it was not read yet, or if its acknowledgement is overdue. An overdue
+ *   acknowledgement doubles the timeout of the next one, up to TIMEOUT_READS_MAX. */
 static bool needs_key_frame(struct taxel_compact *compact)
 {
     struct taxel_compact_pending_key_frame *pending = &compact->pending;
@@ -200,8 +202,8 @@ static void update_usual_size(struct taxel_compact *compact, size_t size)
     }
 }
 
-/* Encode a delta frame to `bytes`; returns its number of bytes without the CRC. Returns 0 without a key frame, with
- * a key frame more than ELAPSED_MAX old, or if a packed frame (`packed_size` bytes) is not longer. */
+/* Encode a delta frame to `bytes`; returns its number of bytes without the CRC. Returns 0 if there is no key frame, if
+ * the key frame is older than ELAPSED_MAX (microseconds), or if a packed frame (`packed_size` bytes) is not longer. */
 static size_t code_delta(struct taxel_sensor *sensor, const struct taxel_snapshot_header *snapshot,
                          const uint8_t *counts, size_t packed_size, uint8_t *bytes)
 {

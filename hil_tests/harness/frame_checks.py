@@ -105,7 +105,8 @@ def read_counters(skin: Skin, address: int) -> dict[str, int]:
 def count_cycles_until_frame(frames: list[TaxelFrame], address: int, hub_time_us: float) -> int:
     """Count the poll cycles from a time on the hub's clock to the first frame of this board at or after that time.
 
-    The cycle of the last earlier frame of another board is the cycle of that time. Fails if there is no such frame.
+    The poll cycle at this time is taken from the last frame of another board that is not later than this time. Fails if
+    one of the two frames is missing.
     """
     cycles_before = [frame.cycle for frame in frames if frame.address != address and frame.hub_time_us <= hub_time_us]
     cycles_after = [frame.cycle for frame in frames if frame.address == address and frame.hub_time_us >= hub_time_us]

@@ -30,9 +30,12 @@ def get_required_abilities(item: pytest.Item | pytest.FixtureRequest) -> set[str
 def get_world_build(request: pytest.FixtureRequest, hand: Hand) -> WorldBuild:
     """Describe the emulated world that the marks `world` and `faulty_image` of a test request.
 
-    Arguments of `world`: `lines`, `only` (indices of the boards that are present), `scan` (fields of `ScanSettings`)
-    and fields of `WorldSettings`; `wiring`: "buffered"; `slow_branch`: name and additional capacitance in picofarads of
-    a branch, behind buffers. In texts, {0}, {1} ... are the addresses of the boards in the order of the hand.
+    The mark `world` has these arguments, all optional:
+    lines: additional lines of the world file. only: indices of the boards that are present. scan: fields of
+    `ScanSettings`. wiring: "buffered" for a buffer in each branch. slow_branch: name of a branch and its additional
+    capacitance in picofarads; each branch then also has a buffer. All other arguments are fields of `WorldSettings`.
+    In the texts of `lines`, `faults` and `effects`, {0}, {1} ... are the addresses of the boards in the order of the
+    hand.
     """
     mark = request.node.get_closest_marker("world")
     settings: dict[str, Any] = dict(mark.kwargs) if mark else {}

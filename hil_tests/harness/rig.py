@@ -74,8 +74,8 @@ class Rig:
 def get_abilities(description: RigDescription) -> set[str]:
     """Determine the abilities of a rig from its file, before a device is opened.
 
-    A virtual rig has all abilities, except some if it executes ARM images, and some if it has a Linux hub. Another rig
-    has the abilities that its devices provide.
+    A virtual rig has all abilities, with two exceptions: it lacks `NATIVE_WORLD_ABILITIES` if it executes ARM images,
+    and `HUB_BOARD_ABILITIES` if it has a Linux hub. A physical rig has the abilities that its devices provide.
     """
     if description.is_virtual:
         missing = NATIVE_WORLD_ABILITIES if description.executed else frozenset()

@@ -171,8 +171,8 @@ class Soak:
         self._next_fault_s = start_s + last_step_s + self._random.expovariate(1.0 / self._mean_gap_s)
 
     def record_fault(self, kind: str, scope: str, address: int, duration_s: float) -> None:
-        """Record a fault that begins now and lasts `duration_s` seconds. Frames that are missing meanwhile are
-        attributed to it.
+        """Record a fault that begins now and lasts `duration_s` seconds. Frames that are missing in this time
+        are attributed to the fault.
 
         kind: name of the fault in the report. scope: frames that the fault may cost, such as "board", "bus" or "wire".
         address: board with the fault.

@@ -109,8 +109,8 @@ class SkinMachine(RuleBasedStateMachine):
     def inject_uart_fault(self, fault: str, n_bytes: int, value: int) -> None:
         """Rule of the state machine: inject a fault of the UART between hub and host.
 
-        fault: its name begins with "up" if it damages bytes to the host. n_bytes: bytes before the fault. value:
-        its parameter.
+        fault: name of the fault, which begins with "up" if the fault damages bytes to the host. n_bytes: number of
+        bytes before the fault. value: number of the flipped bit, or number of the bytes that are lost or doubled.
         """
         self.has_uart_fault = self.has_uart_fault or fault.startswith("up")
         self._inject(fault, 0, n_bytes, value)

@@ -137,8 +137,8 @@ CompactAcknowledge = Struct("key_frame" / Int16ul)
 def decode_length(length: int) -> int:
     """Return the size in bytes of a compact snapshot from the first byte on the bus, its coded length.
 
-    A value below `COMPACT_LENGTH_FINE` is the size; above, the value minus `COMPACT_LENGTH_FINE` counts steps of
-    `COMPACT_LENGTH_STEP` bytes.
+    A value below `COMPACT_LENGTH_FINE` is the size itself. Of any other value, the difference from
+    `COMPACT_LENGTH_FINE` is the size in units of `COMPACT_LENGTH_STEP` bytes.
     """
     if length < COMPACT_LENGTH_FINE:
         return length

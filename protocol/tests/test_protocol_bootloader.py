@@ -161,7 +161,8 @@ def test_an_image_that_does_not_fit_its_slot_is_rejected() -> None:
 
 
 def test_a_record_whose_words_add_up_to_zero_is_balanced() -> None:
-    content = b"\x02" + bytes(107) + (0xEFAAAE75).to_bytes(4, "little")  # found by search: its words add up to zero
+    # Found by a search: all words of the row with this content, including the CRC, add up to zero.
+    content = b"\x02" + bytes(107) + (0xEFAAAE75).to_bytes(4, "little")
     row = build_record(boot.BOOT_CONFIGURATION_MAGIC, 0, content)
     fields, tail = unpack(boot.Record, row)
     assert len(row) == boot.BOOT_ROW_SIZE

@@ -87,12 +87,12 @@ def test_encoding_into_a_buffer_that_is_too_small_returns_0(codec: Any) -> None:
 
 
 def test_frames_without_delimiters_never_exceed_the_row_capacity(codec: Any) -> None:
-    """A step is one call of `taxel_batch_decode` with empty arrays; `decode_batch` asserts the capacity after it.
+    """A step is one call of `taxel_batch_decode` with empty arrays; `decode_batch` then asserts the capacity.
 
-    The frames have no delimiters between them, so all 115 become rows in the same step: the codec searches the bytes
-    when the only delimiter arrives. A step begins only if the capacity is at least 128 rows, more than the 127 shortest
-    frames that the codec can search at once. The arrays are larger than the stated capacity, so that a write past the
-    capacity is detected and harmless.
+    The only delimiter is the last byte, and the codec searches the bytes when this delimiter arrives. All 115 frames
+    therefore become rows in one step. A step begins only with a capacity of at least 128 rows, because the codec can
+    find up to 127 of the shortest frames in one search. The arrays are larger than the stated capacity, so that a write
+    past the capacity is detected and harmless.
     """
     frame = (int(FrameType.REPLY), 0x0101, b"\1\2\3")
     stream = codec.encode(*frame)[1:-1] * 115 + b"\0"

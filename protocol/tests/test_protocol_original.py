@@ -109,9 +109,10 @@ def test_a_message_has_the_layout_of_the_original_hub() -> None:
     # start byte, length 62, address, timestamp (big-endian), first count (little-endian); the end byte is 0x0A
     assert data[:9].hex(" ") == "01 3e 1d 11 22 33 44 02 01"
     assert (data[-1], len(data)) == (0x0A, 62)
-    # In this format the counts are big-endian. In the next two, the length is 3 bytes of header, 4 bytes of time if the
-    # format has one, 2 bytes for each count and each of three accelerations, and the end byte.
+    # The format `first_generation_test` has big-endian counts.
     assert encode_message(FORMATS["first_generation_test"], 0x18, counts[:6])[7:9] == b"\x01\x02"
+    # Length of a message: 3 bytes of header, 4 bytes of time if the format has a time, 2 bytes for each count and each
+    # of three accelerations, and the end byte.
     assert len(encode_message(FORMATS["first_generation_untimed"], 0x01, counts[:14])) == 32
     assert len(encode_message(FORMATS["original_accelerations"], 0x1C, [0] * 66, 0, [1, -2, 3])) == 146
 
@@ -171,7 +172,11 @@ def test_a_message_whose_end_was_lost_does_not_hide_the_next_message() -> None:
 
 
 def test_data_that_imitates_a_message_does_not_hide_the_message_around_it() -> None:
-    """The counts of a message contain a complete second message, whose timestamp does not fit the stream."""
+    """The counts of a message contain a complete second message, whose timestamp does not fit the stream.
+
+    The time of the outer message is plausible in both cases: 5 s is less than 60 s after the start of the hub, and
+    200 s is 10 ms after the message before.
+    """
     counts = [2000] * 121
     inner = encode_message(ORIGINAL, 0x1D, [2000] * 27, 0xDEADBEEF)
     assert len(inner) % 2 == 0

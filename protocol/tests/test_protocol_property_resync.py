@@ -110,7 +110,8 @@ def test_an_added_byte_loses_only_the_frame_that_it_splits(codec: Any, sent: lis
         for value in {0, 1, 2, 0x7F, 0xFE, 0xFF} | neighbours:
             damaged = stream[:position] + bytes([value]) + stream[position:]
             split = [i for i, frame_range in enumerate(ranges) if frame_range.start < position < frame_range.stop]
-            # A byte equal to its neighbour is equivalent to one added next to the frame, which then stays intact.
+            # If the added byte equals its neighbour, the result can be the same as with a byte beside the frame. The
+            # frame then stays intact.
             lost = {i for i in split if stream[ranges[i].start : ranges[i].stop] not in damaged}
             assert len(split) <= 1
             expected = [frame for i, frame in enumerate(sent) if i not in lost]

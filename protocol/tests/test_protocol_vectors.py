@@ -145,6 +145,7 @@ def test_the_reference_codec_decodes_the_fields_of_the_vector(vector: dict[str, 
 
 @every_frame
 def test_a_struct_in_a_tail_packs_to_the_tails_bytes(vector: dict[str, Any]) -> None:
+    """The entry `inner` of a vector contains the fields of the struct that its tail consists of."""
     if "inner" not in vector:
         return
     inner = vector["inner"]

@@ -43,7 +43,11 @@ class Load:
     """Clients of a page; `received` counts the bytes of each reading client."""
 
     def __init__(self, page: Request, clients: int, seconds: float, seed: int) -> None:
-        """Prepare `clients` clients of the page for `seconds`."""
+        """Prepare the load; `run` starts the clients.
+
+        page: request that opens the page. clients: number of clients. seconds: time from now on after which all clients
+        end. seed: seed of the invalid frames and messages.
+        """
         self._page = page
         self._clients = clients
         self._end_s = time.monotonic() + seconds
@@ -119,8 +123,8 @@ async def _run(monitor: MonitorProcess, clients: int, seconds: float, seed: int)
 def main() -> int:
     """Load a monitor that runs on the emulator, and print a JSON report.
 
-    Returns the exit status: 1 if the memory grows by more than `GROWTH_MB` in the second half, if a reading client
-    receives nothing, or if the monitor has ended or printed a traceback.
+    Returns the exit status: 1 if the memory of the monitor grows by more than `GROWTH_MB` in the second half of the
+    run, if a reading client receives nothing, or if the monitor has ended or printed a traceback; otherwise 0.
     """
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--clients", type=int, default=60)

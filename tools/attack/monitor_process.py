@@ -19,7 +19,8 @@ class MonitorProcess:
     def __init__(self, url: str = "emulator:", *options: str) -> None:
         """Start the monitor, and wait until it has printed the address of its page."""
         command = [str(Path(sys.executable).with_name("taxel")), "monitor", url, "--web", "--port", "0", *options]
-        # A background process of a shell ignores Ctrl-C, and so would its children: `end` needs the default action.
+        # A process that a shell started in the background ignores SIGINT (Ctrl-C), and its children inherit this. `end`
+        # stops the monitor by SIGINT, so the monitor gets the default action of the signal.
         self._process = subprocess.Popen(
             command,
             stdout=subprocess.PIPE,

@@ -44,10 +44,10 @@ class LastingContact:
 
 
 def run_world(hand: Hand, seed: int, use_s: float, hold_s: float) -> LastingContact:
-    """Emulate a hand in use for `use_s` seconds, then a contact of 1 N for `hold_s` seconds, then three minutes at
-    rest.
+    """Emulate a hand with drift and a lasting contact, and return its frames with and without the lasting contact.
 
-    The use consists of random contacts. The same run is also emulated without the lasting contact.
+    The run consists of random contacts for `use_s` seconds, a contact of 1 N for `hold_s` seconds, and three minutes at
+    rest. The same run, with the same seed, is also emulated without the contact of 1 N.
     """
     rng = np.random.default_rng(seed)
     plan = _sample_plan(hand, rng)

@@ -50,7 +50,7 @@ def _measure_delays(hand: Hand, folder: Path, usb_latency_ms: float) -> tuple[ND
     """Measure the delay from a contact to the last byte of the frame in which the touched taxel is active.
 
     usb_latency_ms: latency of the USB adapter. Returns the delays f64[p, boards] in s for p contacts (infinite without
-    activation), the period of a frame and of a scan of the slowest board, in s.
+    activation), the period in s of the poll cycle of the hub, and the period in s of a scan of the slowest board.
     """
     onsets, taxels = _write_contacts(hand, folder / "contacts.stm")
     settings = WorldSettings(scl_hz=SCL_HZ, usb_latency_ms=usb_latency_ms)
@@ -76,7 +76,10 @@ def _measure_delays(hand: Hand, folder: Path, usb_latency_ms: float) -> tuple[ND
 
 
 def measure_host_s(capture: Path) -> float:
-    """Measure the median processor time from the bytes of a frame to its active taxels, one frame at a time."""
+    """Measure the median time in s that the host takes from the bytes of a frame to its active taxels.
+
+    The frames of the capture are decoded one at a time. The time is wall-clock time (`perf_counter`).
+    """
     with CaptureLink(capture) as link:
         data = b"".join(link.read().data for _ in range(3000))
     decoder, clock = StreamDecoder(), ClockMap(1e6, has_arrivals=False)

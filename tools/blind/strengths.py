@@ -3,8 +3,9 @@
     python tools/blind/strengths.py --emulator-effects "spread film,noise pink" --strengths 0,0.5,1 --worlds 2
 
 Each world has one cause and the indentations of a blind check; nothing is diagnosed. `FLOORS` in
-`host/taxel/blind/sampling.py` states the intended excess in floors at strength 0 and 1; the intended ratio of gap to
-floor is the root of 1 plus its square: 1.1 and 6.1. A cause type with a different ratio needs another parameter range.
+`host/taxel/blind/sampling.py` states the intended root of the excess, in floors, at strength 0 and 1. The ratio of gap
+to floor is the root of 1 plus the square of this number: 1.1 and 6.1. A cause type with a different ratio needs another
+parameter range.
 The ratio of a cause on one board or line depends on the load of this location: use the median of several worlds. A
 world takes about 8 s on one core.
 """

@@ -48,7 +48,7 @@ class SlowLink(VirtualMemoryLink):
     """The hub's UART, read in pieces of 10 ms. The time stamps of the frames are unaffected."""
 
     def read(self, timeout_s: float) -> Chunk | None:
-        """Receive the bytes of the next 10 ms, as `Link.read` does."""
+        """Let the emulated world run for 10 ms, at most for `timeout_s`, then read its bytes as `Link.read` does."""
         wait = min(timeout_s, POLL_S)
         if wait > 0.0:
             self.world.run(wait)

@@ -57,8 +57,8 @@ class Result:
 def run_case(case: Case) -> Result:
     """Run the board test on one emulated board. Raises RuntimeError if the test ends with an error.
 
-    A fault is named if one of the possible names is reported at its place. The result contains this value twice, as
-    `named` and as `first`, which the format of the JSON file keeps.
+    A fault is named if one of the possible names is reported at its place. The result contains this value in two
+    fields, `named` and `first`, because the format of the JSON file has both fields.
     """
     plan = select_phases(load_default_plan(), PHASES)
     address = BOARDS[case.kind]

@@ -52,7 +52,10 @@ def interpret(name: str) -> Parser:
 
 
 def compile_description(name: str) -> Parser:
-    """Return a parser from the compiler of Kaitai Struct. Raises ProgramMissingError if it is not installed."""
+    """Compile the description `name`.ksy with the compiler of Kaitai Struct, and return a parser of its types.
+
+    Raises ProgramMissingError if the compiler, its Python runtime or Node.js is not installed.
+    """
     package = os.environ.get(COMPILER_VARIABLE)
     if package is None:
         raise ProgramMissingError(f"{COMPILER_VARIABLE} is not set: npm install kaitai-struct-compiler@0.11.0")

@@ -89,7 +89,11 @@ class Description:
     """A description from a .ksy file. processes: functions of custom processes by name."""
 
     def __init__(self, path: Path, processes: Mapping[str, Callable[[bytes], bytes]] | None = None) -> None:
-        """Read a description; `path`: a .ksy file."""
+        """Read a description.
+
+        path: a .ksy file. processes: functions of the custom processes of the description, by name. Raises
+        DescriptionError for a description that is not little-endian.
+        """
         self._root: dict[str, Any] = yaml.safe_load(path.read_text())
         self._processes = processes or {}
         meta = self._root["meta"]

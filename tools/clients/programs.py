@@ -21,7 +21,10 @@ class ProgramMissingError(Exception):
 
 
 def find_program(names: Sequence[str], package: str) -> str:
-    """Return the path of the first installed program. Raises ProgramMissingError."""
+    """Return the path of the first program of `names` that is installed.
+
+    Raises ProgramMissingError if none is installed; its message states the Debian package `package`.
+    """
     for name in names:
         path = shutil.which(name)
         if path:
@@ -42,8 +45,9 @@ def build_program(language: str, name: str = "dump", is_optimised: bool = False)
 def _compile(command: Sequence[str], language: str, name: str) -> Path:
     """Compile to a file whose name contains a digest of command and sources, and return this file.
 
-    A file that exists already is up to date and is not compiled again. Raises CalledProcessError with the output of the
-    compiler if it fails.
+    language: folder of the client, whose files are the sources. name: start of the file name. A file that exists
+    already is up to date and is not compiled again. Raises CalledProcessError with the output of the compiler if it
+    fails.
     """
     digest = hashlib.sha256("\0".join(command).encode())
     for path in sorted(CLIENTS.joinpath(language).rglob("*.*")):
@@ -71,7 +75,11 @@ def _find_source(language: str, name: str, suffix: str) -> Path:
 
 
 def compile_cpp(source: Path, name: str, options: Sequence[str]) -> Path:
-    """Compile a C++ source that uses the client, with warnings as errors; return the output file."""
+    """Compile a C++ source that uses the client, with warnings as errors; return the output file.
+
+    name: start of the name of the output file. options: further options of the compiler. Raises ProgramMissingError
+    without a compiler, and CalledProcessError after an error or a warning.
+    """
     compiler = find_program(("g++", "clang++"), "g++")
     warnings = ("-Wall", "-Wextra", "-Wconversion", "-Wshadow", "-Werror")
     include = str(CLIENTS / "cpp/include")

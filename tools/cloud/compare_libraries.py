@@ -119,9 +119,10 @@ def _compute_mean_ms(runs: list[tuple[float, FloatArray]]) -> float:
 
 
 def compute_errors(results: dict[str, dict[str, Any]], data: Path) -> None:
-    """Replace the results of a library by their errors, in comparison with the exact distances.
+    """Replace the transforms and distances in `results` by their errors in comparison with the exact distances.
 
-    A transform becomes the RMS distance in mm after alignment; distances become their largest error in m.
+    results: results of `measure_candidate` by name of the library; changed in place. data: file of `write_inputs`. A
+    transform becomes the RMS distance in mm after the alignment. Distances become their largest error in m.
     """
     with np.load(data, allow_pickle=False) as file:
         arrays = {name: file[name] for name in file.files}

@@ -55,11 +55,12 @@ class Row:
 
 
 def measure(name: str, variant: str, cloud: ContactCloud, sim: ContactCloud, mesh: TriangleMesh) -> Row:
-    """Compare a real point cloud with its object and with the simulated cloud, and count what the outlier filter
-    removes.
+    """Measure the distances of a real point cloud to its object and to the simulated cloud after alignment.
 
-    A point is genuine if its distance to the mesh after alignment is at most `GENUINE_M`, the thickness of the layer.
-    name, mesh: name and mesh of the object. variant: name of the fusion of repeats that made the cloud.
+    Also measures which percentage of the points is genuine, and which percentages of the genuine and of the other
+    points the outlier filter removes. A point is genuine if its distance to the mesh after alignment is at most
+    `GENUINE_M`, the thickness of the layer. name, mesh: name and mesh of the object. variant: name of the way in which
+    the repeats of a grasp were combined to `cloud` (`VARIANTS`).
     """
     distances = compute_distances_to_mesh(apply(align_to_mesh(cloud.points, mesh).transform, cloud.points), mesh)
     to_sim = align_to_points(cloud.points, PointTarget(sim.points)).transform

@@ -16,7 +16,10 @@ from generated_files import write_or_check
 
 
 def main() -> int:
-    """Write the generated files of all clients, or check that they are up to date."""
+    """Write the generated files of all clients, or with --check compare them with the files on disk.
+
+    Returns the exit status: 1 if a compared file is missing or stale.
+    """
     files = {cpp_client.FILE: cpp_client.format_text(), rust_client.FILE: rust_client.format_text()}
     for client in (client_original, lua_client, kaitai_client, ros2_client):
         files |= client.format_files()

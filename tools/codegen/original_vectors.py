@@ -79,7 +79,10 @@ def build_messages() -> list[dict[str, Any]]:
 
 
 def build_stream(name: str, known: OriginalFormat, stream: bytes, undamaged: Iterable[int]) -> dict[str, Any]:
-    """Build a test vector of a stream: its bytes, and the messages that the framing rule finds in it."""
+    """Build a test vector of a stream: its bytes, and the messages that the framing rule finds in it.
+
+    undamaged: stream positions of the messages that were sent and are complete in the stream.
+    """
     decoded = decode_stream(known, stream)
     return {
         "name": name,

@@ -135,7 +135,11 @@ def check_block(seed: int, index: int, cpu: BareCpu, oracle: UnicornOracle) -> t
 
 
 def check_blocks(seed: int, first: int, blocks: int) -> tuple[Counter[str], list[str]]:
-    """Compare consecutive blocks on two new processors, up to the first block with a difference."""
+    """Compare consecutive blocks on two new processors, up to the first block with a difference.
+
+    first: number of the first block. blocks: number of blocks. Returns the sum of the counts of `check_block`, and the
+    lines of the block with a difference, or [].
+    """
     tally: Counter[str] = Counter()
     with BareCpu(FLASH_SIZE, RAM_SIZE, halt_on_fault=True) as cpu, UnicornOracle() as oracle:
         for index in range(first, first + blocks):

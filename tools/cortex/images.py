@@ -188,7 +188,8 @@ def run_unicorn(image: Image) -> Run:
 def run_qemu(image: Image, *, counted: bool = False) -> Run:
     """Run a compiled program on QEMU's micro:bit, a Cortex-M0. Raises `ToolMissingError`, `ImageError`.
 
-    counted: time advances with the instructions, so that every run gives the same result.
+    counted: time advances with the instructions, so that every run gives the same result. The number of cycles in the
+    result is 0 (unknown).
     """
     if not shutil.which(QEMU):
         raise ToolMissingError(f"{QEMU} is missing: apt-get install qemu-system-arm")

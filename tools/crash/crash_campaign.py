@@ -177,7 +177,7 @@ def _judge_end(mode: Mode, result: RunResult) -> Iterator[str]:
 
 
 def list_faults(calls: int, sample: int | None, seed: str) -> list[tuple[int, Mode]]:
-    """Return all pairs (number of the call, mode), or `sample` random ones of them, which the same seed repeats."""
+    """Return all pairs (number of the call, mode), or `sample` random pairs; the same seed gives the same pairs."""
     pairs: list[tuple[int, Mode]] = list(product(range(1, calls + 1), FAULTS))
     if sample is None or sample >= len(pairs):
         return pairs

@@ -78,7 +78,8 @@ class Injector:
     ) -> RunResult:  # fmt: skip
         """Run `write` in a child process, with a fault at one of the calls that change a file below `folder`.
 
-        call: number of the call, from 1; 0: no fault. state: returns the value that is passed on with each
+        write: writer; it receives a function that it must call after each complete record (acknowledgement). call:
+        number of the call with the fault, from 1; 0: no fault. state: returns the value that is passed on with each
         acknowledgement; called only in the mode COUNT. The parent returns the result. In the child the method ends with
         ChildExitError, which the caller must not catch.
         """

@@ -92,12 +92,18 @@ def change_byte(frames: ByteArray, rng: np.random.Generator) -> ByteArray:
 
 
 def change_two_bytes(frames: ByteArray, rng: np.random.Generator) -> ByteArray:
-    """Change two random bytes of each frame to values that are not zero. frames: u8[n, size]."""
+    """Change a random byte of each frame twice, to values that are not zero. frames: u8[n, size].
+
+    Both changes may hit the same byte.
+    """
     return change_byte(change_byte(frames, rng), rng)
 
 
 def change_ten_bytes(frames: ByteArray, rng: np.random.Generator) -> ByteArray:
-    """Change ten random bytes of each frame to values that are not zero. frames: u8[n, size]."""
+    """Change a random byte of each frame ten times, to values that are not zero. frames: u8[n, size].
+
+    Several changes may hit the same byte.
+    """
     for _ in range(10):
         frames = change_byte(frames, rng)
     return frames
@@ -206,7 +212,8 @@ def reaches_crc(stuffed: bytes) -> bool:
 def measure(kind: Damage, total: int, rng: np.random.Generator, decoder: Deframer, taxel_count: int) -> Tally:
     """Damage about `total` frames with the function `kind`, decode them with the C decoder, and count the results.
 
-    In addition, `SAMPLE` frames of each batch are checked for damage that only the CRC can detect.
+    A batch consists of copies of one frame, each with its own random damage. For each batch, `SAMPLE` further frames
+    are built and damaged; these frames are not decoded, but checked for damage that only the CRC can detect.
     """
     tally = Tally()
     (sample_rng,) = rng.spawn(1)

@@ -170,7 +170,8 @@ def count_byte_pattern_spans(count: int) -> tuple[NDArray[np.int64], NDArray[np.
 def count_placements(spans: NDArray[np.int64], length: int) -> int:
     """Return the number of error patterns in a word of `length` bits or bytes, counted at every position.
 
-    spans: number of patterns of each span from the first to the last error, in the same unit.
+    spans: element n is the number of patterns whose first and last errors span n bits or bytes (the unit of `length`).
+    Each of these patterns fits into the word at length - n + 1 positions.
     """
     return sum(int(spans[n]) * (length - n + 1) for n in range(1, length + 1))
 

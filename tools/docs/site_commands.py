@@ -12,7 +12,8 @@ from taxel.cli.main import build_app
 def list_commands(command: Any = None, path: tuple[str, ...] = ("taxel",)) -> Iterator[tuple[str, Any]]:
     """Yield the full name and the object of each command that has no subcommands.
 
-    command: only the commands below this one, whose name consists of the words in `path`; default: all.
+    command: command or group at which the listing begins; default: `taxel`, so that all commands are listed. path: the
+    words of its full name.
     """
     command = typer.main.get_command(build_app(loads_all=True)) if command is None else command
     inner = getattr(command, "commands", None)

@@ -63,7 +63,10 @@ def read_title(page: Path) -> str:
 
 
 def _copy_linked(root: Path, path: Path, out: Path) -> None:
-    """Copy a file to which a page links to the same place in the site, unless it is a Markdown page."""
+    """Copy the file `path`, to which a page links, from the repository `root` to the same place below `out`.
+
+    Markdown pages, folders and files outside the repository are not copied.
+    """
     path = path.resolve()
     if path.is_file() and path.suffix != ".md" and path.is_relative_to(root):
         copy = out / path.relative_to(root)

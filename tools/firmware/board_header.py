@@ -77,7 +77,8 @@ class PinsError(TaxelError, ValueError):
 def encode_pin(path: str, field: str, name: object) -> str:
     """Return the C expression of a pin such as "P2.7": PIN(2, 7).
 
-    Raises PinsError if the pin does not exist or belongs to the debugger.
+    path, field: pins file and field that name the pin, for the message. Raises PinsError if the pin does not exist or
+    belongs to the debugger.
     """
     match = re.fullmatch(r"P([0-4])\.([0-7])", str(name))
     if not match or int(match[2]) >= PORTS[int(match[1])]:
@@ -90,7 +91,7 @@ def encode_pin(path: str, field: str, name: object) -> str:
 def check_table(
     path: str, name: str, table: dict[str, Any], single: Iterable[str], fixed: dict[str, str] = FIXED
 ) -> None:
-    """Check that every pin of a board is used once and that pins with a fixed function are correct.
+    """Check that a board uses no pin twice, that no required pin is missing, and that fixed pins are correct.
 
     name: name of the board's table. table: pin names by use. single: uses that need exactly one pin. fixed: required
     pin of each use that the silicon fixes. Raises PinsError.
@@ -131,7 +132,8 @@ def format_pins_header(path: str, name: str, table: dict[str, Any], single: Iter
 def format_sensor_lines(path: str, table: dict[str, Any], kinds: list[BoardKind]) -> list[str]:
     """Return the C lines that define a board's TX and RX pins and its initial scan settings.
 
-    Raises PinsError if a board kind has more lines than there are pins.
+    path: name of the pins file, for the message. table: table [sensor] of this file. kinds: board kinds that the image
+    must support. Raises PinsError if a board kind has more lines than the table has pins.
     """
     text = []
     for key, counts in (("tx", [kind.tx_count for kind in kinds]), ("rx", [kind.rx_count for kind in kinds])):
@@ -193,7 +195,9 @@ def format_original_sensor_lines(
     """Return the C lines of a board of the original hardware, which has one TX line, and its kind for the register map.
 
     The register map has at most LINES_MAX columns. If the board has more RX lines, they are distributed over several
-    rows of the map; the taxels keep the order of the RX lines. Raises PinsError.
+    rows of the map; the taxels keep the order of the RX lines. path: name of the pins file, for the message. sensor,
+    scan: tables [sensor] and [scan] of this file. kind: board kind of the hand description; the returned kind has the
+    same name, code and number of taxels. Raises PinsError.
     """
     rx = sensor.get("rx", [])
     if len(sensor.get("tx", [])) != 1:
@@ -246,7 +250,8 @@ def read_kind_code(pins: Path) -> int:
 def write_original(path: str, document: dict[str, Any], kinds: list[BoardKind], out: Path) -> None:
     """Write the C files of one device of the original hardware: board_pins.h, and for a sensor board kinds.c.
 
-    kinds: board kinds of the hands that the pins file names. Raises PinsError, OSError.
+    path: name of the pins file, for messages. document: content of this file. kinds: board kinds of the hands that the
+    file names. out: folder of the C files. Raises PinsError, OSError.
     """
     check_part(path, document["part"])
     if ("sensor" in document) == ("hub" in document):

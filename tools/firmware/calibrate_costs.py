@@ -96,10 +96,16 @@ def measure_conversions(world: VirtualWorld, board: Board) -> list[int]:
 def measure_conversion_costs(scans: dict[int, tuple[Board, list[int]]]) -> Costs:
     """Return the processor cycles of the parts of a conversion interrupt.
 
-    scans: for each board by address, the board and its result of `measure_conversions`. The parts are differences
-    between interrupts. own: interrupt for a crossing of TX line 0. quotient: addition by TX line, because the time of
-    the division that computes the line depends on the quotient. new_tx: addition at the first crossing of a TX line.
-    skipped: addition for each skipped crossing without a taxel. scan_own: addition at the start of a scan.
+    scans: for each board by address, the board and its result of `measure_conversions`. Keys of the result:
+
+    - own: cycles of an interrupt for a crossing of TX line 0 that directly follows another crossing of this line.
+    - quotient: additional cycles by TX line; the time of the division that computes the line depends on the quotient.
+    - new_tx: additional cycles at the first crossing of a TX line.
+    - skipped: additional cycles for each skipped crossing without a taxel.
+    - scan_own: additional cycles at the start of a scan.
+
+    The additional cycles are differences between interrupts. Raises ValueError if the cost of a skipped crossing is not
+    a whole number, or if a board has a taxel at crossing 0.
     """
     cost_by_line: dict[int, int] = {}
     switching: list[tuple[int, int, int]] = []

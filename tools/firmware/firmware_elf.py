@@ -64,9 +64,12 @@ def _fail(path: str, field: str, expected: str, found: str, remedy: str = "rebui
 def read_linked_image(path: Path) -> LinkedImage:
     """Read a linked image from an ELF file.
 
-    Raises FirmwareFileError with a one-line message for a damaged file, OSError. Fields of the ELF header: 1 type, 2
-    machine, 6 offset, 11 size and 12 number of the section headers, 13 section of their names. Fields of a section
-    header: 0 name, 2 flags (bit 1: in memory), 3 address, 4 offset, 5 size.
+    Raises FirmwareFileError with a one-line message for a damaged file, OSError. The code uses header fields by their
+    index:
+
+    - ELF header: 1 type, 2 machine; of the section headers: 6 offset, 11 size of one, 12 number, 13 index of the
+      section with the section names.
+    - Section header: 0 offset of the name, 2 flags (bit 1: in memory), 3 address, 4 offset in the file, 5 size.
     """
     data = path.read_bytes()
     if not data.startswith(IDENTIFICATION) or len(data) < HEADER.size:

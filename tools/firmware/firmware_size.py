@@ -179,9 +179,10 @@ def measure_all(
 
 
 def add_cycles(sizes: dict[str, Size], counted: FirmwareCycles) -> dict[str, Size]:
-    """Return the sizes with the counted processor cycles of the board and of the hub.
+    """Return the sizes with counted processor cycles: those of the largest board, and those of the hub.
 
-    The images of slots A and B are the same program, so both get the cycles that the executed image of slot A needs.
+    sizes: by image name. The images "board-a", "board-b", "hub-a" and "hub-b" get cycles, other images get none. The
+    images of slots A and B are the same program, so both get the cycles that the executed image of slot A needs.
     """
     palm, hub = counted.boards[-1], counted.hub
     cycles = {
@@ -213,7 +214,10 @@ def format_table(sizes: dict[str, Size]) -> list[str]:
 
 
 def format_page(sizes: dict[str, Size], compiler: str, part: str = "psoc4200") -> str:
-    """Return the text of the page about a part. compiler: sentence that names the compiler."""
+    """Return the text of the page on the sizes of all images of a microcontroller.
+
+    sizes: by image name. compiler: sentence that names the compiler. part: "psoc4200" or "psoc4100s".
+    """
     chains = [
         f"- Deepest call chain of the image {name}: {', '.join(size.chain)}"
         for name, size in sizes.items()

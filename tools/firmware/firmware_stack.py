@@ -192,7 +192,8 @@ class CallGraph:
     def _find_pointer_targets(self, image: LinkedImage) -> dict[int, str]:
         """Return the names of the functions whose address is stored as a word of the image, by address.
 
-        They can be called through pointers, so each of them must be listed in calls.toml.
+        These functions can be called through pointers. Raises FirmwareFileError for a function that is not among the
+        pointer targets of calls.toml. The entry point, interrupt handlers and `never_pointed` functions are omitted.
         """
         words = {int.from_bytes(image.content[at : at + 4], "little") for at in range(0, len(image.content) - 3, 4)}
         known = {name for _, levels in self._table.levels for level in levels for name in level}

@@ -65,9 +65,10 @@ class _ConfiguredBoard:
         return board, board
 
     def is_alive(self, board: int, unique_id: bytes, configuration: dict[str, Any] | None) -> bool:
-        """Return whether the application of the board runs.
+        """Return whether the application of the configured board runs.
 
-        Raises `TaxelError` if the hub does not poll the neighbour board.
+        The arguments are those of `_BlankBoards.is_alive` and are not used. Raises `TaxelError` if the hub does not
+        poll the neighbour board.
         """
         self._route.check_hub()
         return self._route.version() is not None

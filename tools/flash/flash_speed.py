@@ -65,7 +65,11 @@ class Speed:
         return BOARDS * self.alone_s
 
     def to_json(self) -> dict[str, Any]:
-        """Return the measured durations of updates as values of a JSON document."""
+        """Return the setting and the measured durations of updates (virtual seconds) as values of a JSON document.
+
+        held: whether the connection has flow control. window: as in `Setting`. at_once_s: all boards at once. alone_s:
+        one board. serial_s: all boards one after the other.
+        """
         setting = {
             "latency": self.setting.latency,
             "held": self.setting.has_flow_control,

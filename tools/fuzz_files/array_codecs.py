@@ -41,7 +41,8 @@ class Hdf5:
     def encode(self, document: Any) -> bytes:
         """Return the bytes of an HDF5 file with these datasets and attributes.
 
-        Raises ValueError for an object that occurs twice.
+        document: datasets by path, and attributes by "path@name". Raises ValueError for a dataset at a path that an
+        earlier entry has already created.
         """
         target = io.BytesIO()
         with h5py.File(target, "w") as file:
@@ -147,7 +148,7 @@ class Parquet:
     def encode(self, document: Any) -> bytes:
         """Return the bytes of a Parquet file with these columns and metadata.
 
-        Raises ValueError for lists that are nested more than thirty times.
+        Raises ValueError for lists that are nested thirty times or more.
         """
         if any(_is_deep(values) for values in document["columns"].values()):
             raise ValueError("Arrow takes seconds for hundreds of levels")
@@ -159,7 +160,7 @@ class Parquet:
 
 
 def _is_deep(values: Any) -> bool:
-    """Return whether the first elements of lists are nested more than thirty times."""
+    """Return whether `values` is a list whose first elements are lists down to a depth of thirty or more."""
     for _ in range(30):
         if not isinstance(values, list) or not values:
             return False

@@ -82,7 +82,8 @@ class MutantMaker:
     def describe_change(self, mutant: Mutant) -> Change:
         """Return which fields of the file a mutation has changed.
 
-        The result states no fields if the file has no codec or the codec cannot decode the mutant.
+        The result states no fields if the file has no codec or the codec cannot decode the mutant. If the codec is
+        strict, its error means that the file is not valid, so the reader must refuse the mutant.
         """
         codecs, before = self._target.find_codecs(mutant.name), self._flat[mutant.name]
         if not codecs or before is None:
@@ -91,7 +92,7 @@ class MutantMaker:
             after = flatten(codecs[0].decode(mutant.files[mutant.name]))
         except RecursionError:
             return Change()
-        except Exception:  # of the libraries that decode a damaged file
+        except Exception:  # the libraries that decode a damaged file raise errors of many types
             return Change(must_be_refused=codecs[0].is_strict)
         paths = list_differences(before, after)
         equivalent = frozenset(path for path in paths if _is_same(before, after, path))

@@ -65,7 +65,8 @@ def _find_ignored(rules: Rules, change: Change) -> str:
     """Return a description of the changed fields that the reader accepts without an effect on its data; "" if none."""
     if change.fields is None or change.is_reordered or rules.is_protected or rules.subset:
         return ""
-    # A field without an effect may be removed: its value was the default.
+    # Only fields that the changed file still contains are checked. The mutation may remove a field without an effect if
+    # its value was the default.
     present = [path for path in change.paths if path in change.fields and path not in change.equivalent]
     present = [path for path in present if not path.endswith("#")]  # "#": the length of a list
     ignored = [path for path in present if not rules.unused.search(path) and not rules.derived.search(path)]

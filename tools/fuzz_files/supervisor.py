@@ -73,7 +73,8 @@ class _Worker:
         """Return whether the worker has spent more than `limit_s` on one input.
 
         The limit holds for the processor time, so a loaded machine causes no finding. A worker that waits uses no
-        processor time; it is late after a wall-clock time of `WAITING_FACTOR` times the limit.
+        processor time; it is late after a wall-clock time of `WAITING_FACTOR` times the limit. While the worker reads
+        no input, for example during its start, the limit is `START_S` of processor time.
         """
         present = self.number.value
         now, cpu_s = time.monotonic(), _read_cpu_seconds(self.process.pid)
@@ -126,7 +127,8 @@ def run_tasks(tasks: list[Task], jobs: int, limit_s: float, store: Store, show: 
 def _attend(worker: _Worker, waiting: deque[Task], tally: Tally, limit_s: float, store: Store) -> _Worker:
     """Take the result of a worker and give it the next task; replace a worker that has ended or is late.
 
-    Returns the worker, or its replacement.
+    waiting: tasks that no worker has received yet. tally: outcomes, updated. limit_s: longest processor time of one
+    input. store: called for each finding. Returns the worker, or its replacement.
     """
     task = worker.task
     if task is None:
@@ -152,10 +154,10 @@ def _attend(worker: _Worker, waiting: deque[Task], tally: Tally, limit_s: float,
 
 
 def _replace(worker: _Worker, task: Task, text: str, waiting: deque[Task], tally: Tally, store: Store) -> _Worker:
-    """Store a finding of the worker's present input, and continue after this input with a new worker, which is
-    returned.
+    """Replace a worker whose process has ended or is late, and return the new worker, which has the next task.
 
-    text: description of the finding.
+    Stores a finding of the worker's present input; the next task begins after this input. Exception: after SIGKILL,
+    nothing is stored, and the new worker repeats the whole task once. text: description of the finding.
     """
     number = worker.number.value
     worker.process.join(0.5)

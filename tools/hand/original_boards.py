@@ -61,12 +61,13 @@ def build_kind(name: str, finger_direction: FloatArray) -> OriginalKind:
 def assign_lines(name: str) -> tuple[IndexArray, IndexArray]:
     """Return the assumed TX and RX line of each taxel, i64[n] each.
 
-    With these lines, a scan (TX by TX) visits the taxels in the order of the original message. Palm: two neighbouring
-    columns of the heat map share a TX line, and even and odd columns have their own RX lines. Other kinds: a row of the
-    heat map is a TX line; within a row, the RX lines follow the columns in the order of the message: from left to right
-    on the proximal boards, otherwise from right to left. Columns that never occur in the same row share a line where
-    the thesis lists fewer lines than the heat map has columns (Table 2.1: 8 x 4 for medial_front, 8 x 8 for
-    medial_back).
+    With these lines, a scan (TX by TX) visits the taxels in the order of the original message.
+
+    - Palm: two neighbouring columns of the heat map share a TX line. Even and odd columns have their own RX lines.
+    - Other kinds: a row of the heat map is a TX line. Within a row, the RX lines follow the columns in the order of the
+      message: from left to right on the proximal boards, otherwise from right to left.
+    - medial_front and medial_back: the thesis lists fewer RX lines than the heat map has columns (Table 2.1: 8 x 4 for
+      medial_front, 8 x 8 for medial_back). Therefore columns that never occur in the same row share an RX line.
     """
     if name == "palm":
         # 121 taxels: nine TX lines with 12 taxels each, then lines with 8 and 5 taxels

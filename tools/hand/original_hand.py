@@ -184,12 +184,13 @@ def compute_bracket_poses() -> dict[str, FloatArray]:
 def build_kinds(boards: Sequence[OriginalBoard]) -> list[OriginalKind]:
     """Build the kinds of the boards, each once, in ascending order of their codes.
 
-    `upwards` is the unit vector to the distal end of the finger (palm and back of the hand: z), in the palm's frame.
+    A board whose bracket is not in the original files is omitted.
     """
     frames = compute_frames()
     kinds = {}
     for board in boards:
         if board.kind not in kinds and board.bracket in frames:
+            # Unit vector to the distal end of the finger (palm and back of the hand: z), in the palm's frame.
             upwards = np.array([0.0, 0.0, 1.0])
             if board.finger == "thumb":
                 upwards = -frames[LINKS["th_medial"]][:3, 0]

@@ -213,9 +213,10 @@ def compare(name: str) -> tuple[Closing, list[Row]]:
 def _describe_messages(
     source: str, closing: Closing, messages: Iterable[ContactMessage], sensors: FloatArray, reference: Active
 ) -> Row:
-    """Return the figures of the contact points that the boards keep after the messages.
+    """Return the figures of the contact points that the boards keep after all contact messages of a closing.
 
-    sensors: f64[s, 4, 4], brackets in the world.
+    source: name of the points in the result. sensors: f64[s, 4, 4], brackets in the world. reference: taxels that the
+    recorded contact points activate.
     """
     memory = ContactMemory(OriginalRules())
     for message in messages:

@@ -126,8 +126,9 @@ def predict_chance_end(length: int, share: float, end_shares: NDArray[np.float64
 def measure(cycles: int, share: float, seed: int) -> tuple[int, int, int, int, float]:
     """Damage a stream, decode it and count its messages.
 
-    Returns the numbers of sent messages, undamaged messages, undamaged messages that were decoded, and undetected
-    damaged messages, and the predicted number of the latter.
+    cycles: poll cycles of the stream, with one message of each board. share: share of damaged bytes. Returns the
+    numbers of sent messages, undamaged messages, undamaged messages that were decoded, and undetected damaged messages,
+    and the predicted number of undetected damaged messages.
     """
     rng = np.random.default_rng(seed)
     sent = synthesise(cycles, rng)

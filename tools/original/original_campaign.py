@@ -45,7 +45,11 @@ Counters = tuple[int, ...]
 
 
 def sample_stream(known: OriginalFormat, draw: random.Random) -> bytes:
-    """Return a random stream of up to ten parts."""
+    """Return a random byte stream of one to ten parts.
+
+    A part is a valid, damaged or truncated message, a message inserted into the preceding bytes, a sequence of random
+    bytes, or a repetition of the last bytes. known: format of the messages.
+    """
     addresses = list(known.taxels)
     frequent = bytes([0x01, 0x0A, 0x00, *known.lengths.values(), *addresses])
     time_ms = draw.choice((0, 70_000, 2**32 - 100, draw.getrandbits(32)))

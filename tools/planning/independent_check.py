@@ -57,7 +57,11 @@ class IndependentCheck:
     def __init__(
         self, robot: Robot, hand: Hand, table_z_m: float, grasp_object: GraspObject, object_pose: FloatArray
     ) -> None:
-        """Build Pinocchio's model of the robot and Coal's models of the bodies."""
+        """Build Pinocchio's model of the robot and Coal's models of the bodies.
+
+        table_z_m: height of the table's surface, metres. object_pose: f64[4, 4]. Both are in the frame of the robot's
+        root.
+        """
         text = format_urdf(robot, hand)
         self.model = pin.buildModelFromXML(text)
         self.data = self.model.createData()

@@ -133,7 +133,11 @@ def find_violation(plan: MotionPlan, planner: MotionPlanner, check: IndependentC
 
 
 def summarise(results: list[Result]) -> dict[str, object]:
-    """Return the numbers of outcomes and of plans with a violation, the success rate and the times, as JSON values."""
+    """Return the numbers of outcomes and of plans with a violation, the success rate and the times, as JSON values.
+
+    The success rate is the share of accepted plans among the problems with a reachable goal that is free of collisions:
+    accepted plans, and failed searches for a path (`NoPathError`). It is None without such a problem.
+    """
     accepted = [result for result in results if result.outcome == "accepted"]
     outcomes = Counter(result.outcome for result in results)
     feasible = len(accepted) + outcomes["NoPathError"]

@@ -112,7 +112,10 @@ def run_skin(task: Task) -> SkinResult:
 def calibrate_skin(
     folder: Path, hand: Hand, skin: SkinParts, target: str, rng: np.random.Generator
 ) -> ProximityCalibration:
-    """Record a calibration session on one board of each kind and return the calibration of all board kinds."""
+    """Record a calibration session on one board of each kind and return the calibration of all board kinds.
+
+    folder: place of the capture, which is deleted at the end. target: the calibrated target, "grounded" or "acrylic".
+    """
     boards = list({board.kind.name: board.name for board in hand.boards}.values())
     effects = skin.format_effects(target, rng)
     settings = WorldSettings(seed=int(rng.integers(1 << 31)), parts_seed=skin.parts_seed, effects=effects)
@@ -138,7 +141,8 @@ def run_world(
 ) -> SkinResult:
     """Record one world with random approaches, run the estimator on its frames, and score its estimates.
 
-    kinds: kinds of approach to choose from. speed_m_s: None: random. named: whether the recognition of the target is
+    target: "grounded" or "acrylic". calibration: calibration that the estimator uses. kinds: kinds of approach to
+    choose from. speed_m_s: speed of all approaches; None: random. named: whether the recognition of the target is
     scored.
     """
     plan = plan_approaches(hand, [board.name for board in hand.boards], task.approaches, rng, kinds, speed_m_s)
@@ -166,9 +170,11 @@ def score_world(
 ) -> SkinResult:
     """Compare the estimates of one world with the true distances.
 
-    estimates: (estimate, arrival time in seconds) of each frame, by board. target: name of the target if its
-    recognition is scored; otherwise "". A warning is a predicted contact (`find_warnings`). A warning is false if no
-    contact follows, or if it ends more than `AFTER_S` before the contact.
+    truths: true distances during each approach of the plan. estimates: (estimate, arrival time in seconds) of each
+    frame, by board. target: name of the target if its recognition is scored; otherwise "".
+
+    A warning is a predicted contact (`find_warnings`). A warning is false if no contact follows, or if it ends more
+    than `AFTER_S` before the contact. A warning that begins outside the approaches to its board is an idle warning.
     """
     warnings = [(name, *times) for name, rows in estimates.items() for times in find_warnings(rows)]
     used: set[tuple[str, float, float]] = set()
@@ -226,10 +232,11 @@ def _select_range(rows: list[ProximityEstimate], truth: TrueDistance) -> Iterato
 
 
 def find_warnings(rows: list[tuple[ProximityEstimate, float]]) -> list[tuple[float, float]]:
-    """Return the arrival times of the first and the last frame of each warning of one board.
+    """Return two arrival times for each warning of one board: of its first and its last frame above the threshold.
 
     rows: (estimate, arrival time in seconds) of each frame. A warning begins when the probability of a contact soon
-    exceeds `WARNING_PROBABILITY`, and ends when it falls below `RELEASE_SHARE` of this value.
+    exceeds the threshold `WARNING_PROBABILITY`. The warning ends when this probability falls below `RELEASE_SHARE`
+    times the threshold; a later frame above the threshold begins a new warning.
     """
     found: list[tuple[float, float]] = []
     first: float | None = None

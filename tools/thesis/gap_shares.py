@@ -83,9 +83,10 @@ def read_real(out: Path, seed: int, grasps: int | None, jobs: int | None) -> lis
 
 
 def prepare_plugin(sets: TaxelSets, out: Path, jobs: int | None) -> CollectSim:
-    """Simulate the grasps with the contact sensors of the original, and return the function that gives the points.
+    """Simulate the grasps with the contact sensors of the original, and return a function that collects the points.
 
-    The effect `tuned_poses` selects which of the two `SETTINGS` of tool poses was simulated.
+    The grasps are simulated with both `SETTINGS` of tool poses. The function takes a combination of effects, whose
+    effect `tuned_poses` selects one of these two simulations.
     """
     hand = load_hand("original")
     grasps = {setting: read_plugin(out, setting, jobs) for setting in SETTINGS}
@@ -123,7 +124,13 @@ def evaluate(
     """Compute the distances and shares of all seeds.
 
     real: grasps of the hand for each seed. collect_sim: returns the simulated points with some effects. groups: effects
-    of the table's rows. Returns lists over the seeds, by row and object.
+    of the table's rows. Keys of the result:
+
+    - sim_points: number of simulated points by combination of effects and by object.
+    - none_m, all_m: distances in metres without effects and with all effects, by object.
+    - shares: fields of `Shares` by row, by field name ("alone", "removed") and by object.
+
+    Each distance and each share is a list with one value per seed.
     """
     cache: dict[OwnEffects, Points] = {}
     per_seed = []

@@ -81,8 +81,8 @@ void i2c_master_drive(bool scl_high, bool sda_high)
     }
 }
 
-/* Return whether the serial block (SCB) acknowledges the remaining bytes of a read itself: at least a FIFO of bytes
- * remains, and their number is known. The block acknowledges until its FIFO is full, and then holds SCL, so that no
+/* Return whether the serial block (SCB) acknowledges the remaining bytes of a read itself: at least SCB_FIFO_SIZE bytes
+ * remain, and their number is known. The block acknowledges until its FIFO is full, and then holds SCL, so that no
  * byte is lost if the interrupt is late. The last bytes stay in the FIFO and fill it, and the very last byte is not
  * acknowledged. Assumed, to be confirmed on hardware: the byte that fills the FIFO waits for its acknowledge; the
  * manufacturer's driver relies on this behaviour. */

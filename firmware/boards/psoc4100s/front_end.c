@@ -56,7 +56,8 @@ void front_end_init(uint8_t tx_lines, uint8_t rx_lines, const uint8_t *idac_code
     interrupt_enable(IRQ_CSD);
 }
 
-/* Apply scan settings: the modulator clock in CPU clocks, the sense clock and the conversion in modulator clocks. */
+/* Apply scan settings. The period of the modulator clock is in CPU clocks. The period of the sense clock and the length
+ * of a conversion (`period`) are in modulator clocks. */
 void front_end_configure(const struct taxel_scan_settings *settings)
 {
     peri_clk_start(PERI_CLK_DIVIDER_OF_CSD, PERI_CLK_OF_CSD, settings->modulator_clock_divider);

@@ -262,7 +262,8 @@ enum cortex_m0_reason cortex_m0_run(struct cortex_m0 *cpu, uint64_t until)
     return reason;
 }
 
-/* Execute one instruction, or one exception entry together with its stacking cycles. */
+/* Execute one instruction, or one exception entry together with its stacking cycles. Returns CORTEX_M0_DEADLINE, or
+ * another reason that ended the step. */
 enum cortex_m0_reason cortex_m0_step(struct cortex_m0 *cpu)
 {
     enum cortex_m0_reason reason;

@@ -26,7 +26,8 @@ static unsigned get_access_size(uint8_t kind)
 }
 
 /* Execute a load that the fast path does not finish: from an address outside RAM and flash, or from an unaligned
- * address. Two cycles plus the wait states of the bus. */
+ * address. Takes two cycles plus the wait states of the bus. Returns the event of the access; after an event other than
+ * CORTEX_M0_EVENT_NONE, registers and program counter are unchanged. */
 enum cortex_m0_event cortex_m0_execute_load(struct cortex_m0 *cpu, struct cortex_m0_operation operation,
                                             uint32_t address)
 {
@@ -46,8 +47,9 @@ enum cortex_m0_event cortex_m0_execute_load(struct cortex_m0 *cpu, struct cortex
     return CORTEX_M0_EVENT_NONE;
 }
 
-/* Execute a store that the fast path does not finish: to an address outside RAM, or to an unaligned address. Two cycles
- * plus the wait states of the bus. */
+/* Execute a store that the fast path does not finish: to an address outside RAM, or to an unaligned address. Takes two
+ * cycles plus the wait states of the bus. Returns the event of the access; after an event other than
+ * CORTEX_M0_EVENT_NONE, the program counter is unchanged. */
 enum cortex_m0_event cortex_m0_execute_store(struct cortex_m0 *cpu, struct cortex_m0_operation operation,
                                              uint32_t address)
 {
@@ -88,8 +90,8 @@ static enum cortex_m0_event move_list(struct cortex_m0 *cpu, struct cortex_m0_op
     return CORTEX_M0_EVENT_NONE;
 }
 
-/* Execute PUSH, POP, STM or LDM outside RAM, one cycle per word and one more, then write back the base register; POP
- * with PC ends with a branch. */
+/* Execute PUSH, POP, STM or LDM outside RAM, in one cycle per word and one more, then write back the base register. POP
+ * with PC ends with a branch. Returns the event of the first access that fails, or of the branch. */
 enum cortex_m0_event cortex_m0_execute_list(struct cortex_m0 *cpu, struct cortex_m0_operation operation,
                                             uint32_t address)
 {
@@ -140,8 +142,9 @@ void cortex_m0_set_fetch_address(struct cortex_m0 *cpu, uint32_t address)
     cpu->cycle += code ? code->refill : 0;
 }
 
-/* Branch to an address in a register (BX, BLX) or from the stack (POP): bit 0 selects the Thumb state; in a handler,
- * the topmost addresses are exception returns. */
+/* Branch to an address in a register (BX, BLX) or from the stack (POP): bit 0 selects the Thumb state. In a handler,
+ * a branch to one of the topmost addresses is an exception return: the function then stores the address in exit_value
+ * and returns CORTEX_M0_EVENT_EXIT. Otherwise it returns CORTEX_M0_EVENT_NONE. */
 enum cortex_m0_event cortex_m0_branch(struct cortex_m0 *cpu, uint32_t target)
 {
     if (target >= EXC_RETURN_FIRST && cpu->ipsr) {

@@ -70,8 +70,9 @@ static enum cortex_m0_event execute_hint(struct cortex_m0 *cpu, uint32_t half)
 }
 
 /* Execute MRS: r[d] = special register `number`. Unknown numbers and the destinations SP and PC are unpredictable and
- * handled as undefined instructions. The numbers 0 to 7 are combinations of the parts of xPSR: bit 2 of the number
- * excludes the flags, bit 0 includes the exception number; number 4 does not exist. */
+ * handled as undefined instructions, for which the function returns the fault event. The numbers 0 to 7 are
+ * combinations of the parts of xPSR: bit 2 of the number excludes the flags, bit 0 includes the exception number;
+ * number 4 does not exist. */
 static enum cortex_m0_event read_special(struct cortex_m0 *cpu, uint32_t d, uint32_t number)
 {
     const uint32_t xpsr = cortex_m0_xpsr(cpu);
@@ -116,7 +117,7 @@ static void set_stack_pointer(struct cortex_m0 *cpu, bool process, uint32_t valu
 
 /* Execute MSR: special register `number` = r[n]. Writes to IPSR and EPSR have no effect, and CONTROL can change only in
  * thread mode. Of the numbers 0 to 7 (combinations of the parts of xPSR), those without bit 2 write the flags; number 4
- * does not exist. */
+ * does not exist. Returns the fault event for unknown numbers and for the sources SP and PC. */
 static enum cortex_m0_event write_special(struct cortex_m0 *cpu, uint32_t n, uint32_t number)
 {
     if (n == CORTEX_M0_SP || n == CORTEX_M0_PC) {
@@ -180,7 +181,8 @@ static enum cortex_m0_event execute_wide(struct cortex_m0 *cpu, uint32_t half, u
 }
 
 /* Execute the instruction at r[15], which the decoder has classified as outside the fast path: far branches, SVC, BKPT,
- * CPS, hints, MRS, MSR, barriers, and ADD or MOV with PC or SP. */
+ * CPS, hints, MRS, MSR, barriers, and ADD or MOV with PC or SP. Returns the event that the instruction causes, or
+ * CORTEX_M0_EVENT_NONE. */
 enum cortex_m0_event cortex_m0_execute_special(struct cortex_m0 *cpu)
 {
     const struct cortex_m0_code *const code = cortex_m0_code_at(cpu, cpu->r[CORTEX_M0_PC]);

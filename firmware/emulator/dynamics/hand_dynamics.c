@@ -200,8 +200,8 @@ static double advance(struct hand_dynamics *hand, struct step *step, const doubl
     return dt;
 }
 
-/* Integrate the motion over `duration` seconds in time steps. The wrist moves at constant speed from its former to its
- * present position. */
+/* Integrate the motion over `duration` seconds in time steps. torque: of the motor of each joint, Nm. The wrist moves
+ * at constant speed from its former to its present position. */
 void hand_dynamics_step(struct hand_dynamics *hand, const double *torque, double duration)
 {
     const struct frame end = hand->wrist;

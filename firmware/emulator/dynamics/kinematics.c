@@ -49,7 +49,8 @@ static void append(struct bracket_motion *motion, size_t coordinate, const struc
 }
 
 /* Compute the motion of a bracket relative to the object for a unit speed of each joint that carries the bracket, and
- * of each coordinate of the object. */
+ * of each coordinate of the object. links: poses of all links. bracket: pose of the mounted bracket. centre: centre of
+ * mass of the object. All are in the world, lengths in metres. */
 void kinematics_motion(const struct kinematic_tree *tree, size_t board, const struct frame *links,
                        const struct frame *bracket, const double centre[3], struct bracket_motion *motion)
 {

@@ -74,8 +74,9 @@ void drift_open(struct drift_board *drift, const struct drift_effect *effect, si
 }
 
 /* Advance all drifts of a board to the start of a scan (`time`; `powered`: power-on time; seconds). A random drift is
- * an Ornstein-Uhlenbeck process with an exact update; a warm-up is 1 - exp(-t / s) for the traces and the response of
- * two lags in series, s and 3 s, for the layer that the traces heat. */
+ * an Ornstein-Uhlenbeck process with an exact update; a warm-up with the time constant s is 1 - exp(-t / s) for
+ * the traces. For the layer, which the traces heat, it is the response of two lags in series, with the time constants
+ * s and LAYER_SLOWER * s. */
 void drift_begin_scan(struct drift_board *drift, double time, double powered)
 {
     for (size_t i = 0; i < drift->count; i++) {

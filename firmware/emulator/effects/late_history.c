@@ -73,7 +73,8 @@ struct taxel_field *late_history_add(struct late_history *history, vtime time, b
 }
 
 /* Find the records before and after a past `time` by bisection, and the fraction for interpolation between them. After
- * the last record, the fields change linearly to the present fields, which the caller has: `after` is then NULL. */
+ * the last record, the fields change linearly to the present fields at `present_time`, which the caller has: `after` is
+ * then NULL. */
 struct late_span late_history_span_at(const struct late_history *history, vtime time, vtime present_time)
 {
     const struct late_record *records = history->records + history->first;

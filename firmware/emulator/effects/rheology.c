@@ -53,7 +53,8 @@ static inline double step_lag(const struct rheology_lag *lag, double slow, doubl
 }
 
 /* Compute the coefficients of the relaxations for a time step of `seconds`. Form `play` has three time constants one
- * decade apart, whose sum appears as creep that is logarithmic in time. */
+ * decade apart, whose sum appears as creep that is logarithmic in time. is_step: the load changes at the end of the
+ * time step, not linearly during the step. */
 struct rheology_span rheology_span(const struct rheology_effect *rheology, double seconds, bool is_step)
 {
     struct rheology_span span = {.is_step = is_step};

@@ -19,10 +19,11 @@ struct square_face {
     double depth_offset[SHAPE_LINES];
 };
 
-/* Compare a face of the object with the least deep face found so far over each of the 16 cells of a square. Store the
- * less deep of the two in `search` and `whole`, and the smallest depth of all other faces in search->other_high. Depth:
- * distance (metres) from the top of the cell down to the face; over the cell it varies by `extent`, from `high`
- * (smallest depth) to `low` (largest depth). The loop has no branches, so that the compiler vectorises it. */
+/* Compare a face of the object with the least deep face found so far, for each of the 16 cells of a square of skin.
+ * Depth: distance (metres) from the top of the cell down to the face. Over the cell the depth varies from `high` =
+ * depth - extent (smallest depth) to `low` = depth + extent (largest depth). The face with the smaller `low` is the
+ * less deep face, and is stored in `search` and `whole`. search->other_high becomes the smallest `high` of all other
+ * faces. The loop has no branches, so that the compiler vectorises it. */
 static void compare_face(const struct square_face *face, const struct cover_square *square, struct search *search,
                          struct cover_whole *whole)
 {

@@ -29,7 +29,8 @@ static void read_layout(struct layout *layout, uint8_t tx_count, uint8_t rx_coun
     }
 }
 
-/* Arrange the taxels at the rows and columns that their poses state, instead of the places by TX and RX line. */
+/* Write a layout in which each taxel lies at the row and column that its pose states. In the layout of read_layout(),
+ * each taxel lies at its TX line (row) and its RX line (column) instead. */
 static void read_places(struct layout *layout, size_t taxels, const struct taxel_pose *poses)
 {
     *layout = (struct layout){0, 0, {{0}}};
@@ -278,8 +279,8 @@ int patch_init(struct patch *patch, uint8_t tx_count, uint8_t rx_count, const ui
     return 0;
 }
 
-/* Add rectangles of bare sheet beside the taxels, which carry load but are not measured. poses: centre, axes and sides of
- * each of the `count` rectangles. Returns 0, or -1 if out of memory. */
+/* Add rectangles of bare sheet beside the taxels, which carry load but are not measured. poses: centre, axes and sides
+ * of each of the `count` rectangles. Returns 0, or -1 if out of memory. */
 int patch_add_margins(struct patch *patch, size_t count, const struct taxel_pose *poses)
 {
     patch->margins = malloc((count ? count : 1) * CELLS_PER_TAXEL * sizeof *patch->margins);

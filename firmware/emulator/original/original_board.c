@@ -10,9 +10,10 @@ static void set_status(struct original_board *board, uint16_t status)
     taxel_put_u16(board->read_buffer, status);
 }
 
-/* Set up a board before its first reset. original_settings_complete() has checked that the words fit into the buffer.
- * With the fault `truncated_taxel` the board sends only as many bytes as its words have. The status word precedes the
- * words, so the last word is missing. */
+/* Set up a board before its first reset. In a read the board sends a status word, then its raw counts and
+ * accelerations, one word (2 bytes) each. original_settings_complete() has checked that these words fit into the read
+ * buffer. With the fault `truncated_taxel` the length of a read does not include the status word, so the last word is
+ * missing. */
 void original_board_init(struct original_board *board, uint8_t address, uint8_t taxel_count,
                          const struct original_settings *settings)
 {

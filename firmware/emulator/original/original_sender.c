@@ -85,8 +85,8 @@ static vtime tick_at_or_after(const struct original_sender *sender, vtime time)
     return sender->tick_origin + (elapsed + sender->tick_period - 1u) / sender->tick_period * sender->tick_period;
 }
 
-/* Return the next tick of the interrupt at which bytes can move, when the FIFO is empty; VTIME_NEVER if there is none
- * to move or the driver is not paced. */
+/* Return the next tick of the interrupt at which the FIFO is empty, so that the interrupt can load bytes.
+ * VTIME_NEVER if the ring is empty, if loaded bytes still wait for the wire, or if the driver is not paced. */
 vtime original_sender_next_tick(const struct original_sender *sender, vtime now)
 {
     if (!sender->is_paced || sender->fifo_fill || !ring_fill(sender)) {

@@ -2,8 +2,9 @@
 #include "emulator/psoc4/internal.h"
 
 /* End the present conversion: write its times, TX line and RX line to `conversion`, and write the count of the board's
- * front end to *count (0 unless `balances`: the converter can balance the charge). Returns whether the program sees the
- * end of the conversion. If the test bench has lost the end (loses_end), returns false and leaves *count unchanged. */
+ * front end to *count. balances: whether the converter can balance the charge; otherwise *count is 0. Returns whether
+ * the program sees the end of the conversion. A test bench can suppress the end (loses_end): the function then returns
+ * false and leaves *count unchanged. */
 bool psoc_finish_conversion(struct psoc *psoc, struct psoc_conversion *conversion, bool balances, uint32_t *count)
 {
     struct psoc_csd *csd = &psoc->csd;

@@ -51,7 +51,8 @@ static bool start_conversion(struct psoc *psoc, uint32_t period, uint64_t cycle)
     return true;
 }
 
-/* Return whether the settings of the converter let the current source balance the charge, so that a conversion counts.
+/* Return whether the settings of the converter let the current source balance the charge; otherwise a conversion gives
+ * the count 0.
  * With two capacitors the model requires the bits that the manufacturer's driver sets; with one capacitor, the bit of
  * two capacitors prevents the measurement. */
 static bool balances_charge(const struct psoc *psoc)

@@ -306,8 +306,8 @@ void single_part_run(struct single_part *part, double seconds)
     }
 }
 
-/* Send bytes to the chip's UART. Returns the number of bytes for which the buffer had space; all if the line is
- * open. */
+/* Send bytes to the chip's UART. Returns the number of bytes for which the buffer had space. If the line is open
+ * (rx_open), the chip receives no byte, and `count` is returned. */
 size_t single_part_put(struct single_part *part, const uint8_t *bytes, size_t count)
 {
     size_t sent = 0;

@@ -77,8 +77,8 @@ void field_load_copy(struct field_load *load, const struct field_load *from, con
     load->is_unloaded = from->is_unloaded;
 }
 
-/* Allocate the water share of each cell of the board with the moist patch and compute it. Returns 0, or -1 if out of
- * memory. */
+/* Allocate field->moisture and compute it: the share of the patch's water (0 to 1) in each cell. Called only for the
+ * board with the moist patch. Returns 0, or -1 if out of memory. */
 static int init_moisture(struct field *field)
 {
     field->moisture = malloc(field->patch->cell_count * sizeof *field->moisture);
@@ -172,15 +172,16 @@ static void load_from_contact(struct field *field, bool is_touching, double (*pr
     finish_load(field, load);
 }
 
-/* Compute a load from the compression (metres) of the cells in a contact, which is overwritten. The gaps of the load
- * are already set. */
+/* Compute a load from the compression (metres) of each cell in a contact. The array `compression` is overwritten.
+ * is_touching: whether any cell is compressed. The caller has set the gaps of the load. */
 void field_load_contact(struct field *field, bool is_touching, double *compression, struct field_load *load)
 {
     load_from_contact(field, is_touching, layer_contact_pressure, compression, load);
 }
 
 /* Compute a load from a force (newtons) on each taxel, distributed evenly over the cells of the taxel. If pillars
- * spread the contact, the pressure is first converted to a compression, because spreading acts on compressions. */
+ * spread the contact, the pressure is first converted to a compression, because spreading acts on compressions.
+ * compression: work array with one value for each cell, which is overwritten. */
 void field_load_forces(struct field *field, const float *force, double *compression, struct field_load *load)
 {
     const bool spreads_by_pillars =

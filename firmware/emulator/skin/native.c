@@ -128,11 +128,12 @@ static void write_forces(const struct skin_board *board, bool is_touching, doubl
     }
 }
 
-/* Solve the contact of all boards with one object at given nominal poses (3 rows of 4). object: index in the world
- * file, -1 for none. Writes to `load` 43 numbers for each board: wrench and stiffness (6 + 36, in the frame of its
- * bracket) and clearance (metres). Writes to `force`, unless it is NULL, the force (newtons) on each taxel. If
- * `advances` is not 0, the points at which the skin sticks to the object are updated (only with friction). Returns the
- * number of boards in contact. */
+/* Solve the contact of all boards with one object. object: index in the world file, -1 for none. object_pose: nominal
+ * pose of the object. bracket_poses: nominal pose of the bracket of each board. A pose has 12 numbers: 3 rows of 4
+ * (rotation, translation in metres). Writes to `load` 43 numbers for each board: wrench and stiffness (6 + 36, in the
+ * frame of its bracket) and clearance (metres). Writes to `force`, unless it is NULL, the force (newtons) on each
+ * taxel. If `advances` is not 0, the points at which the skin sticks to the object are updated (only with friction).
+ * Returns the number of boards in contact. */
 int taxel_contact_evaluate(struct taxel_contact *contact, int object, const double *object_pose,
                            const double *bracket_poses, double *load, double *force, int advances)
 {

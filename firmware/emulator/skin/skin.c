@@ -170,8 +170,8 @@ static void advance_board(void *context, size_t item)
     field_advance(&board->field, before, after, moment, board->after);
 }
 
-/* Compute the fields of all boards at `time`, the end of a step; the previous fields become those at its start.
- * `fraction`: position of `time` between the two loads. */
+/* Compute the fields of all boards at `time`, the end of a step. The fields at the end of the previous step become the
+ * fields at the start of this step. `fraction`: position of `time` between the two loads, 0 to 1. */
 static void advance_fields(struct skin *skin, double fraction, vtime time)
 {
     struct advance_task advance_task = {
@@ -235,8 +235,8 @@ void skin_advance(struct skin *skin, const struct stimulus *stimulus)
     }
 }
 
-/* Start the next time step: the end of the last step becomes the start of the new step, and the fields at its end
- * are computed. */
+/* Start the next time step: the end of the last step becomes the start of the new step, and the fields at the end of
+ * the new step are computed. */
 void skin_step(struct skin *skin, const struct stimulus *stimulus)
 {
     skin->from = skin->until;

@@ -88,14 +88,15 @@ MAX_LOST_SHARE: Final = 0.75
 def _make_board_factor_type(name: str, emulator_effect: str, max_factor: float = np.inf) -> CauseType:
     """Make a cause type: a quantity of some boards, such as sensitivity or stiffness, has a wrong factor.
 
-    name, emulator_effect: of the cause. The factor is up to 1.8, or down to 1 / 1.8, at strength 1, and at most
-    `max_factor`.
+    name, emulator_effect: of the cause. max_factor: upper limit of the factor. At strength 1, the factor of a board is
+    1.8 or 1 / 1.8.
     """
 
     def sample(rng: Rng, hand: Hand, strength: float) -> Cause:
-        """Sample a cause: up to half of the boards with a random factor each, or its reciprocal.
+        """Sample a cause: up to half of the boards have a wrong factor.
 
-        strength: 0 (factor exp(0.045), 1.05) to 1 (factor exp(0.6), 1.8).
+        strength: 0 (factor exp(0.045), 1.05) to 1 (factor exp(0.6), 1.8). Each of these boards gets this factor or its
+        reciprocal, at random.
         """
         lines, parameters = [], {}
         for board in sample_boards(rng, hand, count_half_of_boards(hand)):

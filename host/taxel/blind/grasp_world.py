@@ -26,7 +26,7 @@ KIND_SHARES: Final = {"single": 0.8, "several": 0.1, "none": 0.1}
 """Shares of worlds with one hidden cause, with two, and without one."""
 
 STRENGTH: Final = (0.9, 1.0)
-"""Range of the strength; at strength 1 the excess of indentations is six floors."""
+"""Range of the strength; at strength 1 the root of the excess of indentations is six floors."""
 
 LOADED_SHARE: Final = 0.2
 """Smallest share of the total simulated signal on the boards of a cause that acts only on some boards: a cause has no
@@ -89,8 +89,8 @@ class GraspWorldSampler:
     def sample_cause(self, number: int, loads: SimulatedLoads, strength: float) -> Cause:
         """Sample the parameters of a cause until its boards or locations are loaded, at most `MOST_SAMPLES` times.
 
-        number: index of the cause type in `types`. strength: at 1, the gap that the cause produces in a campaign of
-        indentations exceeds the floor by six floors.
+        number: index of the cause type in `types`. strength: at 1, the cause produces an excess (squared gap minus
+        squared floor) whose root is six floors in a campaign of indentations.
         """
         hand = load_hand("original")
         for _ in range(MOST_SAMPLES):

@@ -67,8 +67,8 @@ class Frames:
 
         A frame is torn: the taxels before the first changed one (`first`) still have the values of the frame before
         (`stale`), and the first changed value may be wrong (an impulse). Only the later taxels are valid.
-        Three versions of the counts are built: `corrected` (invalid counts interpolated), `torn` (corrected, with the
-        stale counts), and `with_impulses` (corrected, with the recorded first changed values).
+        Three versions of the counts are built: `corrected` (invalid counts interpolated), `without_impulses`
+        (corrected, with the stale counts), and `without_prefixes` (corrected, with the recorded first changed values).
         """
         frames = recording.values.reshape(len(recording.values), N_TAXELS).astype(np.float64)
         is_new = np.concatenate([[True], (frames[1:] != frames[:-1]).any(axis=1)])
@@ -152,10 +152,13 @@ class Touch:
         """Divide the frames of a touch into B blocks of `n_repeats` consecutive frames, one for each repeat.
 
         Returns the indices of the frames, i64[B, n_repeats], and the grasp phase of each block, u8[B]; None if there
-        are not enough frames before, in or after the touch, or if another touch follows at once. Baseline: ten blocks
-        of the last frames without a finger before the touch, also from earlier pauses. Closing: the first block with
-        contact. A repeat has one frame in 0.6 s, too few to determine the time of the contact, so closing contains no
-        frame before the contact. Hold: the later blocks with contact. Release: the first block after the contact.
+        are not enough frames before, in or after the touch, or if another touch follows at once. The blocks are:
+
+        - Baseline: ten blocks of the last frames without a finger before the touch, also from earlier pauses.
+        - Closing: the first block with contact. Closing contains no frame before the contact, because a repeat has only
+          one frame in 0.6 s, too few to determine the time of the contact.
+        - Hold: the later blocks with contact.
+        - Release: the first block after the contact.
         """
         n_hold = (self.end - self.begin) // n_repeats - 1
         is_away: BoolArray = np.max(self.frames.corrected, axis=1) <= REST_COUNTS

@@ -32,7 +32,7 @@ INDENTATIONS = (48, 120)
 """Smallest and largest number of indentations of a world."""
 
 FLOORS: Final = (0.5, 6.0)
-"""Excess of the gap of a single cause, in floors, at strength 0 and 1 (`tools/blind/strengths.py`)."""
+"""Root of the excess of a single cause, in floors, at strength 0 and 1 (`tools/blind/strengths.py`)."""
 
 FLOORS_OF_SEVERAL: Final = (2.0, 6.0)
 """The same for each of several causes of one world: a cause that alone produces no clear gap is not expected to be
@@ -73,8 +73,8 @@ def sample_worlds(count: int, full_hand: int = 0, seed: int | None = None) -> li
 def _add_decoys(rng: np.random.Generator, worlds: list[World]) -> list[World]:
     """Add a decoy to some worlds: an effect that is not hidden, but is removed from the catalogue of another diagnosis.
 
-    In other worlds the hidden effect itself is removed. As many worlds get a decoy as there are such worlds, if
-    possible. The removal of an effect therefore does not reveal whether this effect is hidden.
+    In the withheld worlds (`is_withheld`), the hidden effect itself is removed. If possible, as many worlds get a decoy
+    as there are withheld worlds. The removal of an effect therefore does not reveal whether this effect is hidden.
     """
     candidates = [world.number for world in worlds if not world.is_withheld]
     count = min(len(worlds) - len(candidates), len(candidates))
@@ -128,8 +128,9 @@ def _sample_single_plans(rng: np.random.Generator, count: int, scale: float) -> 
 def _sample_strengths(rng: np.random.Generator, count: int) -> list[float]:
     """Sample `count` strengths between 0 and 1 in random order.
 
-    The root of the excess (squared gap minus squared floor; floor: the gap that repeats alone show) is uniform between
-    the two values of `FLOORS`, in floors. Each of `count` equal parts of this range contains one value.
+    A strength is the result of `find_strength` for a sampled root of the excess (squared gap minus squared floor;
+    floor: the gap that repeats alone show). This root is uniform between the two values of `FLOORS`, in floors. Each of
+    `count` equal parts of this range contains one value.
     """
     strata = (np.arange(count) + rng.random(count)) / max(count, 1)
     low, high = FLOORS
@@ -158,9 +159,10 @@ def _sample_combination(rng: np.random.Generator) -> tuple[CauseType, ...]:
 
 
 def _sample_world(rng: np.random.Generator, number: int, hand: Hand, plan: WorldPlan, is_sealed: bool) -> World:
-    """Sample one world according to a plan. Causes that are not observable because of another cause are replaced.
+    """Sample one world according to a plan.
 
-    is_sealed: whether the salt is secret; otherwise the seed determines the salt.
+    All causes are sampled again while one of them is not observable because of another cause. is_sealed: whether the
+    salt is secret; otherwise the seed determines the salt.
     """
     causes = _sample_causes(rng, hand, plan)
     while _is_any_masked(causes):

@@ -37,10 +37,12 @@ def perform_attempts(
     """Perform a grasp until an attempt succeeds, and return this attempt.
 
     perform: simulates the grasp for unit samples f64[7] of the variation. find_failure: returns the failure of a
-    motion, or None. sample: returns the unit samples of attempt 0, 1 ... If all attempts fail, the first one is kept
-    and marked as failed, because a campaign without repetition would use its samples. The first attempt is also kept,
-    without further attempts, if the grasp fails without variation (all samples 0): the planned pose itself fails then,
-    and a success would only be a lucky sample.
+    motion, or None. sample: returns the unit samples of attempt 0, 1 ... If all attempts fail, the result is the first
+    attempt with its failure: its motion is the motion of a campaign without repetition.
+
+    Before the second attempt, the grasp is performed without variation (all samples 0). If it fails without variation,
+    the planned pose itself is the reason, and a success would only be a lucky sample. The result is then the first
+    attempt, and there are no further attempts.
     """
     first_sample = sample(0)
     first = perform(first_sample)

@@ -49,7 +49,8 @@ def run_emulated(
         done = sum(len(part) for part in sessions) - sum(len(part) for part in missing)
         progress(done, len(plan))
         with Workers(setup, jobs, len(plan)) as workers:
-            # As many sessions at a time as processes: the motions of their grasps, then the counts of the sessions.
+            # A batch has as many sessions as there are processes. The motions of all its grasps are computed first,
+            # then the counts of its sessions.
             for first in range(0, len(missing), workers.count):
                 batch = missing[first : first + workers.count]
                 grasps = _perform_grasps(workers, batch, settings, memory)
@@ -64,9 +65,10 @@ def run_emulated(
 def _perform_grasps(
     workers: Workers, sessions: Sequence[Sequence[PlannedGrasp]], settings: EmulatedSettings, memory: GraspMemory | None
 ) -> list[list[PerformedGrasp]]:
-    """Perform the grasps of some sessions unless the memory contains them; return them by session, in the same order.
+    """Return the performed grasps of some sessions, by session and in the same order.
 
-    memory: grasps of other campaigns; None: none.
+    memory: performed grasps of other campaigns, which are not performed again; None: all grasps are performed. The
+    grasps that are performed here are added to the memory.
     """
     known = GraspMemory() if memory is None else memory
     missing = known.list_missing(chain.from_iterable(sessions), settings)

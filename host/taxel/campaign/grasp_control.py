@@ -44,10 +44,10 @@ def control_grasp(
 ) -> JointLog:
     """Control the torques of the Allegro hand from `begin_s` to `end_s` seconds of a grasp; return the joint angles.
 
-    wait_for_period: waits for the next control period and returns its number, which skips missed periods
-    (`ControlLoop.wait`, or a function that advances a virtual hand). on_period: called in each period with the time
-    since the start of the grasp, seconds. All torques are zero at the end, also after an error. Errors of the driver
-    (`AllegroError`) are raised at once.
+    wait_for_period: waits for the next control period and returns its number. Missed periods are counted, so that the
+    number increases by more than 1 after them. The function is `ControlLoop.wait`, or it advances a virtual hand.
+    on_period: called in each period with the time since the start of the grasp, seconds. All torques are zero at the
+    end, also after an error. Errors of the driver (`AllegroError`) are raised at once.
     """
     try:
         log = _run_control_loop(hand, controller, begin_s, end_s, wait_for_period, on_period or (lambda _: None))

@@ -52,7 +52,8 @@ def simulate_grasp_motion(
 
     The virtual hand and the driver of the real hand exchange messages on a virtual CAN bus. wrist_at: returns the wrist
     poses f64[k, 4, 4], world, at k times f64[k], seconds since the start of the grasp. The scene is at rest in the
-    baseline and in the recovery: the motion has no records there, and its first and its last record apply.
+    baseline and in the recovery, and the motion has no records there: the first record applies to the baseline, and the
+    last record to the recovery.
     """
     begin = max(0.0, timeline.get_start_s(Phase.CLOSING) - SETTLE_S)
     ticks = round((timeline.get_end_s(Phase.RELEASE) - begin) / PERIOD_S)
@@ -76,8 +77,8 @@ def simulate_grasp_motion(
     def wait_for_period() -> int:
         """Advance the virtual hand to its next report and return the number of the period.
 
-        Each report and each control command ends a time step of the simulation. If both occur at the same time, half as
-        many time steps are sufficient.
+        A control period begins at the report, because each report and each control command ends a time step of the
+        simulation. If both occur at the same time, the simulation needs only half as many time steps.
         """
         virtual.step(min(virtual.next_report_s - virtual.time_s, PERIOD_S))
         return next(periods)

@@ -58,9 +58,11 @@ class GraspMemory:
 
 
 def select_mechanical_settings(settings: EmulatedSettings) -> EmulatedSettings:
-    """Return the settings without all that only changes the counts: effects of the skin, noise, and the two clocks.
+    """Return the settings that determine the motion of a grasp; all other settings have fixed values.
 
-    The displacements of brackets and objects remain, because they change the contact.
+    The effects of the skin and the noise are removed, and the I2C clock and the baud rate have their default values,
+    because they change only the counts. The displacements of brackets and objects remain, because they change the
+    contact.
     """
     offsets = tuple(line for line in settings.effects if line.split()[0] in OFFSETS)
     return replace(

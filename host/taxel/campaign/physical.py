@@ -163,9 +163,10 @@ class _ArmSchedule:
         grasping: NDArray[np.float64],
         withdrawn: NDArray[np.float64],
     ) -> None:
-        """Create the schedule of the arm for one grasp: to the object at the start of closing, away during release.
+        """Create the schedule of the two moves of the arm in one grasp.
 
-        grasping, withdrawn: joint angles of the arm at the object and withdrawn from it, f64[6] radians.
+        The arm moves to the object at the start of closing, and away from the object during release. grasping,
+        withdrawn: joint angles of the arm at the object and withdrawn from it, f64[6] radians.
         """
         self._station = station
         self._moves = [(timeline.get_start_s(Phase.CLOSING), grasping)]
@@ -240,7 +241,7 @@ def _make_record(
 
 
 def _confirm_placement(station: Workstation, settings: PhysicalSettings, planned: PlannedGrasp) -> None:
-    """Wait until the operator has placed the object of a grasp; return at once if the settings ask for no confirmation.
+    """Wait until the operator has placed the object of a grasp; return at once if `confirm_placement` is not set.
 
     The periodic reports of the hand are off during the wait, because nothing reads them.
     """

@@ -119,9 +119,11 @@ def map_in_processes(
 def _call_with_files(
     function: Callable[[Setup, Any, Any], _Result], setup_file: Path, work_file: Path, number: int
 ) -> _Result:
-    """Call `function(setup, part, settings)` in a worker process, whose parts share the values that the setup caches.
+    """Call `function(setup, part, settings)` in a worker process and return its result.
 
-    setup_file: of the `Handover` of the setup. work_file: of the `Handover` of (parts, settings). number: of the part.
+    setup_file: file of the `Handover` that contains the setup. work_file: file of the `Handover` that contains (parts,
+    settings). number: index of the part in the parts. All calls in a process use the same setup object, so that they
+    share the values that the setup caches.
     """
     parts, settings = read_handover(work_file)
     return function(read_handover(setup_file), parts[number], settings)

@@ -77,7 +77,11 @@ class SimulatorMode:
         predictions.on_fault = lambda text: session.report_fault("pose", text)
 
     def _open_poses(self, session: "TwinSession", stack: ExitStack) -> "PoseSource":
-        """Open the poses of the stream: those of a dataset, or measured ones with the reference as the default."""
+        """Open the source of the poses during the stream.
+
+        A dataset contains its own poses. For a skin, the poses are measured; the reference gives the poses that are not
+        measured. Raises TaxelError if the stream is a dataset and the options also name a source of poses.
+        """
         from taxel.twin.causes import ReferenceFile
         from taxel.twin.simulated.poses import DatasetPoses, MeasuredPoses
         from taxel.twin.sources import DatasetSource, SkinSource
@@ -99,7 +103,11 @@ class SimulatorMode:
         return MeasuredPoses(kinematics, joints, objects, ReferenceFile.read(self._path).poses)
 
     def _open_joints(self, stack: ExitStack) -> FloatArray | JointHistory | None:
-        """Open the joint angles: of the recording, of an option, or of a live source."""
+        """Return the joint angles from the recording, from an option or from a live source.
+
+        The angles are constant, f64[j], radians, or measured over time; None: not known. A live source is closed with
+        the stack. Raises TaxelError for a live source together with a recording or a joint file.
+        """
         options = self._options
         if get_recorded_path(self._url) is not None or options.joint_file is not None:
             if options.joint_topic is not None or options.hand_can is not None:
@@ -112,7 +120,7 @@ class SimulatorMode:
         return stack.enter_context(open_live_joints(self._hand_option, angles, options.joint_topic, options.hand_can))
 
     def _open_objects(self, stack: ExitStack) -> "ObjectHistory | None":
-        """Open the poses of the object: a file, a topic, or None."""
+        """Return the measured poses of the object, from a file or from a topic; None if the options name neither."""
         from taxel.twin.simulated.object_history import ObjectHistory, read_object_poses
 
         if self._options.object_file is not None:

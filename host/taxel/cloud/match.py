@@ -123,8 +123,10 @@ def match(
     models: meshes by name. in_model_frame: whether cloud and models are in the same frame, up to the uncertainty of the
     object pose; False: the pose of the cloud is unknown. likelihoods: result of `compute_likelihoods` for this cloud,
     or for the cloud from which it was selected; None: they are computed here. bootstrap_samples, seed: number of
-    samples and seed of the bootstrap over whole grasps. Every bootstrap sample uses the alignment of the whole cloud,
-    which is correct to first order at a minimum. Raises RegistrationError for a cloud that cannot be aligned.
+    samples and seed of the bootstrap over whole grasps. Raises RegistrationError for a cloud that cannot be aligned.
+
+    Bootstrap samples are not aligned again: each uses the alignment of the whole cloud. This alignment minimises the
+    sum of squared distances, so that a small error of the alignment changes the sum only in second order.
     """
     fits: list[Fit] = []
     by_grasp: list[FloatArray] = []

@@ -135,9 +135,10 @@ class TriangleMesh:
     def find_edges_and_corners(self, closest: ClosestPoints) -> tuple[IntArray, FloatArray, IntArray]:
         """Find which nearest points of the mesh's surface are on edges and which are on corners.
 
-        closest: result of `find_closest`. A barycentric coordinate of 0 marks an edge, two mark a corner. Returns the
-        rows on edges i64[e], unit directions of these edges f64[e, 3], and rows on corners i64[c]. Nearest points in
-        the interior of a face, and those of query points on the surface, are in neither list.
+        closest: result of `find_closest`. Returns three arrays: the rows of `closest` with a nearest point on an edge,
+        i64[e]; the unit directions of these edges, f64[e, 3]; and the rows with a nearest point on a corner, i64[c].
+        Other rows are omitted: those with the nearest point inside a face, and those of query points on the surface. A
+        point is on an edge if one of its barycentric coordinates is 0, and on a corner if two are 0.
         """
         corners = self.vertices[self.faces[closest.face]]
         is_outside = closest.distance > ON_SURFACE * self.size

@@ -127,9 +127,10 @@ def sweep_outlier_filter(
 ) -> list[SorRow]:
     """Measure the distances of a cloud to a mesh for several settings of the outlier filter, one row for each.
 
-    The settings are the rules of the thesis for the object. threshold: counts of the force filter that is applied
-    first. Raises CloudError if the cloud has fewer points after the force filter than the outlier filter has
-    neighbours (N), and RegistrationError for a rule that leaves too few points.
+    A setting is a number of neighbours N and a limit nSigma; the settings are those of the thesis for the object
+    (`get_sor_rules`). threshold: counts of the force filter that is applied first. Raises CloudError if the cloud has
+    fewer points after the force filter than the outlier filter has neighbours (N), and RegistrationError for a setting
+    that leaves too few points.
     """
     filtered = filter_by_force(cloud, threshold)
     rules = get_sor_rules(object_name)

@@ -102,7 +102,10 @@ def _collect_scans_until(skin: Skin, end_s: float, advance: Callable[[str, float
 
 
 def _summarise(skin: Skin, scans: list[SkinFrame], baseline: BaselineResult) -> DemonstrationResult:
-    """Compare the active taxels of the recorded scans with the scripted contacts."""
+    """Return the result of the demonstration: figures of the skin, its baseline, and the response to each contact.
+
+    The response follows from a comparison of the active taxels of the scans with the taxels that each contact loads.
+    """
     activation = Activation(baseline.mean)
     times = np.array([scan.time_s for scan in scans])
     ends = np.append(times[1:], 2.0 * times[-1] - times[-2])  # a cycle ends where the next one begins

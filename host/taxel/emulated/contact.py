@@ -116,8 +116,9 @@ class SkinContact:
     def get_handle(self, index: int) -> int:
         """Return the address of the contact in memory, for C functions that evaluate the contact themselves.
 
-        index: number of the object that these functions will use; -1: no object. The index does not change the result.
-        Raises ValueError for an index out of range, and for a closed contact.
+        index: number of the object that these functions will use; -1: no object. The index is only checked here,
+        because the C functions treat an index out of range as no object. Raises ValueError for such an index, and for a
+        closed contact.
         """
         self._check(-1 <= index < self._object_count, f"an object from -1 to {self._object_count - 1}, found {index}")
         return self._handle

@@ -164,8 +164,8 @@ def read_recipe(path: Path) -> Recipe:
 def check_recipe(recipe: Recipe, file: str) -> Recipe:
     """Return the recipe unchanged. Raises RecipeError if its parts contradict each other.
 
-    These are friction with a sensing level other than "rigid", and objects or effects with equal names. file: name of
-    the file, for messages.
+    Contradictions are friction other than 0 with a sensing level other than "rigid", and objects or effects with equal
+    names. file: name of the file, for messages.
     """
     if recipe.simulator.friction != fixed(0.0) and recipe.sensing != "rigid":
         expected, remedy = '0 unless sensing is "rigid"', 'set sensing = "rigid", or leave friction out'
@@ -245,8 +245,8 @@ def _get_bounds(name: str) -> tuple[float, float]:
 def _read_objects(table: Key, folder: Path, test_sizes: ObjectSizes) -> tuple[ObjectKind, ...]:
     """Read the kinds of objects of a recipe file. Raises RecipeError.
 
-    folder: folder to which the paths of meshes are relative. test_sizes: sizes of the test objects, whose edge radius
-    boxes and prisms have.
+    folder: folder to which the paths of meshes are relative. test_sizes: sizes of the test objects; boxes and prisms of
+    the recipe get the edge radius of the test object with the same shape.
     """
     items = table.items()
     if not 1 <= len(items) <= MAX_OBJECTS:
@@ -257,8 +257,8 @@ def _read_objects(table: Key, folder: Path, test_sizes: ObjectSizes) -> tuple[Ob
 def _read_object(table: Key, folder: Path, test_sizes: ObjectSizes) -> ObjectKind:
     """Read one kind of object of a recipe file. Raises RecipeError for missing, unknown or unsuitable keys.
 
-    folder: folder to which the path of a mesh is relative. test_sizes: sizes of the test objects, whose edge radius a
-    box or a prism has.
+    folder: folder to which the path of a mesh is relative. test_sizes: sizes of the test objects; a box or a prism gets
+    the edge radius of the test object with the same shape.
     """
     all_sizes = sorted({size for sizes in SIZES.values() for size in sizes})
     keys = table.keys(("name", "shape", "share", "approaches", "file", "unit", *all_sizes))

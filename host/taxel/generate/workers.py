@@ -81,7 +81,7 @@ class Processes:
 def _generate_numbered_shard(recipe_file: Path, shard: int) -> tuple[int, bytes]:
     """Generate a shard in a worker process, which ends with its parent; return its number and its file content.
 
-    recipe_file: of the `Handover` of the recipe.
+    recipe_file: file of the `Handover` that contains the recipe.
     """
     _exit_with_parent()
     return shard, generate_shard(read_handover(recipe_file), shard)

@@ -184,10 +184,10 @@ def _check_pose(pose: Any, field: CalibrationField) -> None:
     for key, size in (("position_m", 3), ("quaternion_wxyz", 4)):
         if len(pose[key]) != size:
             field.key(key).fail(f"{size} numbers", str(len(pose[key])), "correct the list")
-        for index, value in enumerate(pose[key]):
-            check_coordinate(value, field.key(key).item(index))
+    for index, value in enumerate(pose["position_m"]):
+        check_coordinate(value, field.key("position_m").item(index))
     length = math.hypot(*pose["quaternion_wxyz"])
-    if abs(length - 1) > UNIT_TOLERANCE:
+    if not abs(length - 1) <= UNIT_TOLERANCE:  # the length is not a number if a component is none
         field.key("quaternion_wxyz").fail("a quaternion of length 1", f"{length:.6g}", "normalise the quaternion")
 
 

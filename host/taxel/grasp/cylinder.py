@@ -55,9 +55,9 @@ class Cylinder:
         return self._clip_lines(points, directions)[0]
 
     def ray_entry(self, points: npt.ArrayLike, directions: npt.ArrayLike) -> tuple[FloatArray, FloatArray]:
-        """Compute where rays enter the cylinder: distance f64[...] and outward unit normal f64[..., 3]; 0 for a miss.
+        """Compute where rays enter the cylinder: distance f64[...], metres, and outward unit normal f64[..., 3].
 
-        points, directions: f64[..., 3]. Implements `Shape.ray_entry`.
+        points, directions: f64[..., 3]. A miss has the distance +inf and the normal 0. Implements `Shape.ray_entry`.
         """
         separation, is_lateral = self._clip_lines(points, directions)
         is_hit = np.isfinite(separation)

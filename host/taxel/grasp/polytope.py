@@ -190,9 +190,9 @@ class ConvexPolytope:
         return np.where((enter <= leave) & (leave >= 0), enter, np.inf)
 
     def ray_entry(self, points: npt.ArrayLike, directions: npt.ArrayLike) -> tuple[FloatArray, FloatArray]:
-        """Compute where rays enter the polytope: distance f64[...] and outward unit normal f64[..., 3]; 0 for a miss.
+        """Compute where rays enter the polytope: distance f64[...], metres, and outward unit normal f64[..., 3].
 
-        points, directions: f64[..., 3]. Implements `Shape.ray_entry`.
+        points, directions: f64[..., 3]. A miss has the distance +inf and the normal 0. Implements `Shape.ray_entry`.
         """
         separation, face = self._clip_lines(points, directions)
         return separation, np.where(np.isfinite(separation)[..., None], self.normals[face], 0.0)

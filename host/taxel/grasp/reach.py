@@ -35,7 +35,8 @@ class UnreachableError(TaxelError, ValueError):
     def __init__(self, robot: str, link_name: str, position: tuple[float, float, float], miss_m: float) -> None:
         """Create the error of a pose that an arm cannot reach.
 
-        position: metres. miss_m: remaining error of the best try.
+        position: requested position, metres. miss_m: smallest remaining pose error of all start angles, metres; the
+        error combines the position error and the rotation error times `ANGLE_WEIGHT_M`.
         """
         super().__init__(robot, link_name, position, miss_m)
         self.robot = robot
@@ -157,7 +158,8 @@ class ArmReach:
     def _improve(self, angles: FloatArray, palm_pose: FloatArray) -> FloatArray:
         """Perform one damped least-squares step of the inverse kinematics, for all start angles f64[starts, a] at once.
 
-        palm_pose: target f64[4, 4]. The damping vanishes with the error.
+        palm_pose: target f64[4, 4]. Returns the new angles f64[starts, a]. The damping decreases with the squared pose
+        error, down to `DAMPING_FLOOR`.
         """
         error, jacobian = self._compute_error(angles, palm_pose), self._compute_jacobian(angles)
         damping = DAMPING * np.sum(error**2, axis=-1)[:, None, None]

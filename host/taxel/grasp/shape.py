@@ -60,9 +60,10 @@ class Shape(Protocol):
         ...
 
     def ray_entry(self, points: npt.ArrayLike, directions: npt.ArrayLike) -> tuple[FloatArray, FloatArray]:
-        """Compute where rays enter the solid: distance f64[...] and outward unit normal f64[..., 3]; 0 for a miss.
+        """Compute where rays enter the solid: distance f64[...], metres, and outward unit normal f64[..., 3].
 
-        points, directions: f64[..., 3]; the distance is that of `ray_separation`.
+        points, directions: f64[..., 3]. The distance is that of `ray_separation`. A miss has the distance +inf and the
+        normal 0.
         """
         ...
 

@@ -110,14 +110,14 @@ class ControlLoop:
     def run(self, tick: Callable[[int], object], periods: int) -> LoopStatistics:
         """Call `tick` with the index of each period until `periods` periods, including missed ones, have elapsed.
 
-        Returns the lateness statistics of all ticks so far.
+        Returns the lateness statistics, as `compute_statistics` does.
         """
         while self._next < periods:
             tick(self.wait())
         return self.compute_statistics()
 
     def compute_statistics(self) -> LoopStatistics:
-        """Compute the lateness statistics of all ticks so far."""
+        """Compute the lateness statistics: percentiles of the last `LATENESS_HISTORY` ticks, the rest of all ticks."""
         lateness = self._lateness[: self._periods] if self._periods else np.array([math.nan])
         p50, p99 = np.percentile(lateness, (50, 99)).tolist()
         return LoopStatistics(self._periods, self._missed, p50, p99, self._max_s)

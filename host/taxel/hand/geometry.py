@@ -83,7 +83,8 @@ def build_surface(
     rows: f64[count, 6], position x, y, z and normal nx, ny, nz of each taxel, or f64[count, 11], in addition the distal
     direction (towards the fingertip) and the two sides of the taxel's square. row, column: position of each taxel on
     the unrolled sheet, [count]. If `rows` has 6 columns, the neighbours of a taxel in its column of the sheet determine
-    the distal direction, and each square has the side `pitch_m`.
+    the distal direction, and each square has the side `pitch_m`. margin: rectangles of sheet beside the taxels, as in
+    `Surface`.
     """
     position, normal = rows[:, :3], _normalise(rows[:, 3:6], "normal")
     if rows.shape[1] == SQUARE_NUMBERS:

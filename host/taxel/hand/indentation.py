@@ -42,8 +42,8 @@ def compute_force_shares(hand: Hand, indentation: Indentation) -> NDArray[np.flo
     """Compute the fraction of the probe's force on each taxel of the hand, f64[n].
 
     The pressure follows Hertz's solution for a sphere, p ~ sqrt(1 - (r / a)^2). The fractions add to 1; all are 0 if
-    the probe covers no taxel centre. Every row and column is assumed to be one pitch wide, also on a board whose
-    described layout has another pitch: the distance of its taxels differs by up to a factor of 2.
+    the probe covers no taxel centre. Every row and column is assumed to be one pitch wide. On a board whose described
+    layout has another pitch, the true distances between taxels differ from the assumed ones by up to a factor of 2.
     """
     board = hand.find_board(indentation.board)
     distance = hand.pitch_m * np.hypot(

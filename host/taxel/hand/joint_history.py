@@ -68,7 +68,7 @@ class JointHistory:
         return len(self._times)
 
     def add(self, time_s: float, angles: FloatArray) -> None:
-        """Add the angles f64[j], radians, at a time, seconds; samples that are not earlier are removed first.
+        """Add the angles f64[j], radians, at a time, seconds; stored samples of this or a later time are removed first.
 
         A sample with a number that is not finite is ignored. If more than twice `max_samples` samples are stored, the
         oldest `max_samples` of them are removed.

@@ -194,7 +194,8 @@ def _compute_sphere(radius: float) -> tuple[float, NDArray[np.float64]]:
 def _compute_capsule(radius: float, half_length: float) -> tuple[float, NDArray[np.float64]]:
     """Compute mass (kg) and inertia tensor f64[3, 3] (kg m^2) of a capsule along z; lengths in metres.
 
-    A capsule is a cylinder with a half sphere at each end, whose centre of mass is at 3/8 of the radius.
+    A capsule is a cylinder with a half sphere at each end. The centre of mass of a half sphere is 3/8 of the radius
+    from its flat face.
     """
     # Moving each half sphere outwards adds m ((h + 3/8 r)^2 - (3/8 r)^2) = m h (h + 3/4 r), with half length h.
     cylinder = DENSITY_KG_M3 * 2.0 * math.pi * radius**2 * half_length

@@ -188,8 +188,8 @@ class EmulatorLink:
 def _get_last_line(stderr: bytes, world_path: Path) -> str:
     """Return the last line of the emulator's standard error; "" if it is empty.
 
-    In a message about the temporary world file, the path of the file is replaced by the word "file", and the line of
-    the file that the message names is quoted.
+    In a message about the temporary world file, the path of the file is replaced by the word "file". If the message
+    contains the number of a line of this file, the line is quoted.
     """
     lines = stderr.decode(errors="replace").strip().splitlines()
     if lines and str(world_path) in lines[-1]:
@@ -221,9 +221,10 @@ def run_emulator(
 ) -> dict[str, Any]:
     """Run an emulator for `duration_s` seconds of virtual time without a host, and return its statistics.
 
-    capture: file to which the hub's bytes are written. host_input: capture file of the host's bytes with their times,
-    or None. threads: number of threads for the boards, 1 to 16. The bytes are the same in every run and for every
-    number of threads. Raises `LinkError` with the emulator's message if the emulator rejects its input.
+    world: content of a world file. capture: file to which the hub's bytes are written. host_input: capture file of the
+    host's bytes with their times, or None. stimulus: path of a stimulus file; None: no forces. threads: number of
+    threads for the boards, 1 to 16. The bytes are the same in every run and for every number of threads. Raises
+    `LinkError` with the emulator's message if the emulator rejects its input.
     """
     _check_regular_files(stimulus, host_input)
     with tempfile.TemporaryDirectory(prefix="taxel-") as folder:

@@ -18,7 +18,7 @@ def lock_device(descriptor: int, name: str) -> None:
     """Lock an open device for this program until the descriptor is closed, also by the end of the process.
 
     name: path of the device. Raises `PortBusyError`, with the process that holds the lock, if another program has
-    locked the device.
+    locked the device. On a file system without locks, the device stays unlocked.
     """
     try:
         fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)

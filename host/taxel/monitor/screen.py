@@ -97,7 +97,8 @@ class Screen:
     def _draw_legend(self, canvas: Canvas, first_column: int, top_text: str) -> None:
         """Draw the colour scale from 0 through the threshold to `top_text`, beginning at a column of line 2.
 
-        The legend is drawn as taxels of all steps. None of them is active (`> STEPS` is always False).
+        The legend is drawn as taxels of all steps. The last argument of `paint`, which marks active taxels, is False
+        for all of them, because no step exceeds `STEPS`.
         """
         inactive_width = LEGEND_WIDTH // 4
         bar = np.concatenate(

@@ -10,7 +10,10 @@ from pathlib import Path
 
 @contextmanager
 def redirected_stderr(path: Path) -> Iterator[None]:
-    """Send the process's standard error to a file: C code writes to the file descriptor, not to `sys.stderr`."""
+    """Within the `with` block, send the standard error of the process to the file `path`.
+
+    The file descriptor is redirected, because C code writes to this descriptor and not to `sys.stderr`.
+    """
     sys.stderr.flush()
     saved = os.dup(2)
     target = os.open(path, os.O_WRONLY | os.O_CREAT, 0o600)
@@ -27,8 +30,8 @@ def emulator_message(stderr: str, path: str, world: str) -> str:
     """Return the last line that the emulator printed on standard error, readable without its temporary world file.
 
     stderr: all printed text. path: path of the temporary world file; the word "file" replaces it. world: text of the
-    world file; the line that the message names is quoted from it. If nothing was printed, the cause is assumed to be a
-    lack of memory.
+    world file. If the message contains the number of a line of the world file, the line is quoted after the message. If
+    nothing was printed, the cause is assumed to be a lack of memory.
     """
     lines = stderr.strip().splitlines()
     if not lines:

@@ -62,7 +62,8 @@ class HubTime:
         """Compute the time of the next message, and detect a restart of the hub or an interruption before it.
 
         The position in the stream predicts the time. A timestamp far from this prediction is suspect: the prediction
-        replaces it. If the next timestamp agrees with the suspect one, both are used; otherwise it was damaged.
+        replaces it. If the next timestamp agrees with the suspect timestamp, the clock is set to the next timestamp:
+        the hub has paused or restarted, or bytes were lost. Otherwise the suspect timestamp is treated as damaged.
 
         timestamp_ms: modulo 2^32; None for a format without timestamps. position: position of its first byte in the
         stream. has_discarded: directly before the message there are bytes that belong to no message.

@@ -268,9 +268,14 @@ class ReadSequence:
     def _is_retry(self, last: Placed, message: Placed, following: Sequence[Placed], is_final: bool) -> bool | None:
         """Return whether the hub read a board again at the end of a cycle because the board had not responded before.
 
-        Otherwise `message` belongs to the next cycle. The next message of a board that was already received decides:
-        if this board is behind the board of `message` in the order, and its position is in the same cycle as `message`,
-        then `message` belongs to the next cycle. Returns None if no such message has arrived.
+        False means that `message` belongs to the next cycle. A retry is possible only if the board of `message` is
+        before the board of `last` in the order, was skipped, and has sent no message in this cycle. The first later
+        message of a board that was already received in this cycle, or of the board of `message`, decides. If its board
+        is behind the board of `message` in the order, and its position is in the same cycle as `message`, the result is
+        False, otherwise True.
+
+        Without such a later message, the result is None: call again when more messages have arrived. The result is
+        False if no more messages will arrive (`is_final`), or if `following` has more messages than a cycle.
         """
         is_backward = self._ranks[message.address] < self._ranks[last.address]
         if not is_backward or message.address not in self._skipped or message.address in self._seen:

@@ -122,9 +122,9 @@ def _compute_curve_error(
 ) -> float:
     """Compute the relative error of the curve between its support points, as a root mean square.
 
-    Each inner support point is predicted from the others. This interpolation over twice the spacing overestimates the
-    error between two support points by about a factor of 4 for a smooth curve (second-order interpolation), by which
-    the deviations are divided.
+    Each inner support point is predicted from the others, which is an interpolation over twice the spacing. For a
+    smooth curve, the error of this interpolation is about 4 times the error between two support points (second-order
+    interpolation). The deviations are therefore divided by 4.
     """
     errors = []
     for index in range(1, len(knots) - 1):

@@ -56,7 +56,8 @@ class DriftTracker:
     def advance(self, dt_s: float) -> FloatArray:
         """Extrapolate the baseline by `dt_s` seconds and return it, f64[n], counts.
 
-        The rate of drift decays with the time constant `SLOPE_TIME_S`; `travel` is its integral for a rate of 1.
+        The rate of drift decays with the time constant `SLOPE_TIME_S`. `travel`, seconds, is the drift in the
+        interval divided by the rate at the start of the interval.
         """
         assert self.baseline is not None  # the estimator calls start() first
         decay = float(np.exp(-dt_s / SLOPE_TIME_S))

@@ -115,9 +115,10 @@ def compute_quantiles(mass: FloatArray, edges: FloatArray) -> Range:
 def _compute_hidden_shift() -> FloatArray:
     """Compute for each distance of a template the distribution of the distance of the target's nearest part, f64[G, G].
 
-    A template describes a target by one distance. A part that it does not describe can be nearer, by an excess with the
-    mixture of exponential distributions `HIDDEN_PARTS_M` (probability and mean of each). Rows: bin of the template's
-    distance; columns: bin of the nearest part's distance; each row adds up to 1.
+    A template is a modelled shape of a target at one distance. A part of the target that the template does not contain
+    can be nearer than the template. The excess, the distance of the template minus the distance of this part, is
+    distributed as the mixture of exponential distributions `HIDDEN_PARTS_M` (probability and mean of each). Rows: bin
+    of the template's distance; columns: bin of the nearest part's distance; each row adds up to 1.
     """
     shift = np.zeros((len(CENTRES_M), len(CENTRES_M)))
     excess = CENTRES_M[:, None] - EDGES_M  # template at the centre of a bin, nearest part at the edge of a bin

@@ -133,8 +133,10 @@ class BoardEstimator:
         return self._make_estimate(time_s, age_s)
 
     def _locate(self, signal: FloatArray, dt_s: float) -> None:
-        """Smooth the neighbourhood means over time, and centre the window at the largest one if it is clearly
-        larger.
+        """Smooth the neighbourhood means over time, and select the taxel at the centre of the window.
+
+        The centre moves to the taxel with the largest mean if this mean is clearly larger than the mean at the present
+        centre.
         """
         share = float(-np.expm1(-dt_s / SMOOTHING_TIME_S))
         self._smooth += share * (self._neighbours @ signal - self._smooth)
@@ -210,8 +212,9 @@ class BoardEstimator:
     def _compute_targets(self) -> dict[str, float]:
         """Compute the probabilities of the calibrated targets, given that one of them is present.
 
-        They follow from the mean log-likelihood of a frame, not from the sum over the frames: the errors of shapes
-        persist, and a sum would turn a small difference of two shapes into certainty about the target.
+        The probabilities follow from the mean log-likelihood of a frame, not from the sum over the frames. The errors
+        of the modelled shapes are the same in every frame, so that a sum would turn a small difference of two shapes
+        into certainty about the target.
         """
         weight = np.exp(self._fit_of_target - self._fit_of_target.max())
         return dict(zip(self._targets, (weight / weight.sum()).tolist(), strict=True))

@@ -121,8 +121,11 @@ def _equalise_widths(values: FloatArray) -> None:
     """Scale the likelihood of each hypothesis over the distance to the same width as that of the best hypothesis.
 
     values: f64[K, G], log-likelihoods of K hypotheses at G distances, changed in place. The hypotheses then differ by
-    their best fits only. Otherwise, a target that is assumed farther away would have the wider likelihood: in one
-    measurement this is evidence, but the same errors of template and gain would be counted again in every frame.
+    their best fits only.
+
+    Without this scaling, a hypothesis with a farther target would have a wider likelihood, and therefore a larger total
+    probability. In a single measurement this difference is evidence. In a sequence of frames, however, the errors of
+    template and gain are the same in every frame, and the same difference would be counted again in every frame.
     """
     largest = values.max(axis=1, keepdims=True)
     width = (np.exp(values - largest) * WIDTHS_M).sum(axis=1, keepdims=True)
@@ -166,7 +169,8 @@ class _Directions:
         self._l22 = np.sqrt(1.0 + ss - self._l20**2 - self._l21**2)
 
     def compute_explained(self, total: FloatArray, product: FloatArray, slopes: FloatArray) -> FloatArray:
-        """Compute the part of the weighted squared residuals that the three unknowns explain, f64[K, G].
+        """Compute the part of the weighted squared residuals that the unknown offset, gain and position in the bin
+        explain, f64[K, G].
 
         total, product, slopes: f64[K, G], sums over the taxels of weight times residual times 1, y and s.
         """

@@ -136,9 +136,10 @@ def _plane_heights(local: FloatArray) -> list[FloatArray]:
 
 
 def _round_height(squared_m2: FloatArray, radius_m: float) -> FloatArray:
-    """Return the height of a sphere or cylinder above its lowest point at a squared distance from it, metres.
+    """Return the height of the lower surface of a sphere or cylinder above its lowest point or line, metres.
 
-    The height is `NO_GAP_M` beyond the radius.
+    squared_m2: squared distance from the lowest point or line, parallel to the skin at the window's centre. radius_m:
+    radius of the sphere or cylinder. The height is `NO_GAP_M` beyond the radius.
     """
     covers = squared_m2 < radius_m**2
     return np.where(covers, radius_m - np.sqrt(np.where(covers, radius_m**2 - squared_m2, 0.0)), NO_GAP_M)

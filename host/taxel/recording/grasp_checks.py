@@ -95,7 +95,8 @@ def _check_kind(dtype: Any, spec: ArraySpec, location: Location) -> None:
 def convert_type(array: NDArray[Any], spec: ArraySpec, location: Location) -> NDArray[Any]:
     """Convert an array to the type that the format requires.
 
-    Raises DatasetError for a value outside the range of this type, a NaN or an infinity.
+    Raises DatasetError for a value outside the range of this type, a NaN or an infinity, and for a floating-point
+    number that this type does not represent exactly.
     """
     dtype = np.dtype(spec.dtype)
     if dtype.kind == "f":

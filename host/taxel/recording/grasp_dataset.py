@@ -184,7 +184,7 @@ def check_format(root: Node) -> None:
 
 
 def _read_arrays(root: Node, name: str, specs: Mapping[str, Any], sizes: dict[str, int]) -> dict[str, Any]:
-    """Read the arrays of the subgroup `name` by name.
+    """Return the arrays of the subgroup `name` of `root`, by the name of the array.
 
     specs: type and shape of each array by name. sizes: length of each axis so far; new axes are added.
     """

@@ -241,8 +241,8 @@ class InvariantChecker:
         if not bins:
             return None
         middle, smallest, largest = np.array(bins).T
-        # The depth varies within a bin: its range includes the smallest force of the bin below and the largest force of
-        # the bin above.
+        # The depth varies within a bin. The range of forces of a bin therefore includes the smallest force of the bin
+        # below and the largest force of the bin above.
         smallest = np.minimum.accumulate(np.minimum(smallest, np.r_[0.0, smallest[:-1]])[::-1])[::-1]
         largest = np.maximum.accumulate(np.maximum(largest, np.r_[largest[1:], largest[-1]]))
         return middle, smallest, largest
@@ -254,11 +254,14 @@ def _make_violation(grasp: Grasp, frame: int, kind: str, taxel: int | None, text
 
 
 def _find_jumps(grasp: Grasp, force: FloatArray) -> list[Violation]:
-    """Find frames whose total force exceeds the hold, or both neighbouring frames, by more than `MAX_FORCE_RATIO`.
+    """Find frames whose total force jumps relative to the hold or to the neighbouring frames.
 
-    In the hold, a frame is also found if its total force is smaller than in both neighbouring frames by this ratio. In
-    the closing phase, where the fingers hit the object, only the hold is compared, with the larger `MAX_IMPACT_RATIO`.
-    Total forces of less than ten times `MIN_FORCE_N` are not compared, because their ratios are not reliable.
+    The level of the hold is the second largest total force of the hold, and at least ten times `MIN_FORCE_N`, because
+    ratios of smaller forces are not reliable. A frame is found if its total force exceeds this level by more than
+    `MAX_FORCE_RATIO`. It is also found if it exceeds the level by any amount, and both neighbouring frames by more than
+    `MAX_FORCE_RATIO`. In the closing phase, where the fingers hit the object, only the level of the hold is compared,
+    with the larger `MAX_IMPACT_RATIO`. Within the hold, a frame is also found if the total forces of both neighbouring
+    frames exceed its total force by more than `MAX_FORCE_RATIO`.
     """
     total, phase = force.sum(axis=1), grasp.phase
     hold = total[phase == Phase.HOLD]

@@ -28,7 +28,7 @@ with optional_import("h5py", "a grasp dataset (.h5)"):
 
 _LARGEST_KEPT: Final = 1 << 16
 """Largest write that is kept in memory after a failure, bytes. The library reads back its metadata, whose blocks are
-smaller, but not the chunks of arrays (`grasp_storage.CHUNK_BYTES`), which would fill the memory.
+smaller, but not the chunks of arrays (`grasp_storage._CHUNK_BYTES`), which would fill the memory.
 """
 
 

@@ -97,8 +97,8 @@ def check_layout(dataset: Any, location: Location) -> None:
     """Check where and how an array is stored, without reading its values. dataset: `h5py.Dataset`, not empty.
 
     Raises DatasetError for data in another file, for an array whose stored bytes are far fewer than its bytes in
-    memory, for chunks above `LARGEST_ARRAY_BYTES`, and for filters other than gzip, lzf, shuffle and fletcher32: the
-    size of their output is not checked here.
+    memory, for chunks above `LARGEST_ARRAY_BYTES`, for a filter that is applied twice, and for filters other than gzip,
+    lzf, shuffle and fletcher32. Other filters are refused, because this module cannot check the size of their output.
     """
     if dataset.is_virtual or dataset.external is not None:
         location.fail("data in this file", "data in another file", "store the data itself; links are not followed")
@@ -139,7 +139,8 @@ def read_values(dataset: Any, location: Location) -> Any:
             location.fail(f"complete chunks of {size} bytes", "one that is damaged or has another size", DAMAGED)
         if values is not None:
             _insert(values, chunk.chunk_offset, expanded, dataset.chunks)
-    # The library verifies checksums and converts strings and booleans, but would expand the other arrays again.
+    # `values` is None for arrays that the library must read: it verifies checksums, expands lzf, and converts strings,
+    # booleans and other types. For all other arrays the library would only expand the chunks a second time.
     return dataset[()] if values is None else values
 
 
@@ -163,7 +164,12 @@ def _list_filters(dataset: Any) -> list[int]:
 
 
 def _is_plain(dataset: Any, filters: list[int]) -> bool:
-    """Whether the expanded chunks are the numbers in NumPy's layout, and have no checksum."""
+    """Whether the expanded chunks of an array can be copied into a NumPy array without the HDF5 library.
+
+    True for integers and floating-point numbers that are stored in NumPy's layout. False for an array with a checksum,
+    which the library verifies, and for an array with lzf, whose content `_expand` does not restore. filters: numbers of
+    the array's filters.
+    """
     properties, dtype = dataset.id.get_create_plist(), dataset.dtype
     return (
         dtype.kind in "iuf"

@@ -56,7 +56,7 @@ class SourceTouches:
         return len(self.onset_s)
 
     def find_rows_at(self, time_s: FloatArray) -> IntArray:
-        """Return for each of k times the row of `values` and `active` that is valid then, int[k].
+        """Return for each of k times the row of `values` and `active` that is valid at this time, int[k].
 
         Row 0 is the state without touch before the first frame.
         """
@@ -203,9 +203,10 @@ class _BoardComparison:
         return int((differs_before & differs_after).sum())
 
     def find_touches(self, samples: BoolArray) -> IntArray:
-        """Return the number of the source's touch for each selected sample, int[number of selected samples].
+        """Return the index of the source's touch to which each selected sample belongs, int[selected samples].
 
-        samples: bool[F, k], selection of the board's samples; the source is active just before or after each of them.
+        samples: bool[F, k], selection of the board's samples. At each selected sample, the source must be active just
+        before or just after the time of the sample.
         """
         row = np.where(self._active_before, self._row_before, self._row_after)
         touches: IntArray = self._source.touch_of_row[row[samples]]

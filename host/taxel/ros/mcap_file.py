@@ -57,8 +57,8 @@ class McapFile:
         """Create an MCAP file and write the header of the recording.
 
         head: header of the recording, JSON values. output: open output that is written instead of `path`; None: a new
-        file, which replaces an existing one with its first message. Raises CaptureError if the file exists and
-        `overwrite` is False, or if the file cannot be written.
+        file. With `overwrite`, an existing file is replaced when the first message is written. Raises CaptureError if
+        the file exists and `overwrite` is False, or if the file cannot be written.
         """
         self.path = Path(path)
         self.messages = 0

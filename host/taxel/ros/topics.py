@@ -108,7 +108,8 @@ class SkinTopics:
         if not self._is_started:
             self._is_started = True
             yield from self._make_static_messages(self.time_ns(frame.time_s))
-            # Before the first frame, because scans of other boards in the same cycle may have started earlier.
+            # The first joint states get a time before the first frame, because the scans of other boards in the same
+            # cycle may have started before this frame.
             yield from self._make_edge_message(frame.time_s - EDGE_S)
         self._newest_s = max(self._newest_s, frame.time_s)
         yield self._make_scan_message(frame)
@@ -124,7 +125,8 @@ class SkinTopics:
     def _make_edge_message(self, time_s: float) -> Iterator[TopicMessage]:
         """Yield the joint states at the start or the end of the stream if joint angles are measured.
 
-        time_s: time on the stream's clock, which is limited to the period in which angles were measured.
+        time_s: time of the message on the stream's clock. If the angles have times on this clock, a time outside the
+        measured period is replaced by the start or the end of the period.
         """
         if self._measured is None or not self.tree.has_geometry or not len(self._measured):
             return

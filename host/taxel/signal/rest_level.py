@@ -99,12 +99,14 @@ class RestLevel:
         return np.asarray(self.variance < UNKNOWN_VARIANCE)
 
     def find_touched(self, mean: FloatArray, lowest: FloatArray, threshold: float) -> BoolArray:
-        """Find the boards on which a taxel is active without an announced contact; return their taxels, bool[n].
+        """Return the taxels of all boards that are touched in a step without an announced contact, bool[n].
+
+        A board is touched if at least one of its taxels is active. The common change of the board, multiplied by the
+        loading of the taxel (its relative response to this change), does not count as signal. Taxels of a board whose
+        common change reaches the threshold are not returned: such a change is a change of the board and no contact.
 
         mean, lowest: f64[n], mean and lowest count of each taxel in the step. threshold: signal above which a taxel is
-        active, counts. The common change of the board, multiplied by the loading of the taxel (its relative response
-        to this change), does not count as signal. A board whose common change exceeds the threshold is not returned:
-        such a change is one of the board and no contact.
+        active, counts.
         """
         usable = self.is_known & np.isfinite(mean)
         common = self.find_common(np.where(usable, self.level - mean, 0.0), usable)
@@ -140,7 +142,8 @@ class RestLevel:
         # on this whole change.
         predicted = self.variance + max(self.settings.walk, LEAST_WALK)
         settled = predicted + self.loading_variance * self.unchecked**2
-        # The loadings are those of temperature. A faster common change may have another origin and other factors.
+        # The loadings describe the response to temperature. A faster common change may have another cause, to which the
+        # taxels respond with other factors.
         unusual = np.maximum(np.abs(shared) - CLIPPED * self.settings.common, 0.0)
         total = settled + measured + self.loading_variance * shared**2 + LOADING_VARIANCE * unusual**2
         bound = CLIPPED * np.sqrt(total)
@@ -181,7 +184,7 @@ class RestLevel:
 def estimate_settings(
     changes: Sequence[FloatArray], noise: Sequence[FloatArray], common: Sequence[FloatArray]
 ) -> RestSettings:
-    """Estimate the variability from the changes of counts at rest from step to step.
+    """Estimate the variability of counts at rest (`RestSettings`) from the changes of the counts from step to step.
 
     changes: for each step f64[n], changes of the means without the common part, counts, NaN where unknown. noise: for
     each step f64[n], variance of the mean by the white noise of its frames. common: for each step f64[s], common
@@ -207,11 +210,11 @@ def estimate_settings(
 def estimate_slow_settings(
     changes: Sequence[FloatArray], noise: Sequence[FloatArray], common: Sequence[FloatArray], lag: int
 ) -> RestSettings:
-    """Estimate the variability from changes over one step and over `lag` steps; arguments as for `estimate_settings`.
+    """Estimate the variability of counts at rest (`RestSettings`) from changes over one step and over `lag` steps.
 
-    With R as the variance of a measured mean, the change over k steps has the variance k walk + 2 R. With 1/f noise,
-    changes of neighbouring steps alone would give a value of walk that is too large over long times. The default
-    settings are returned if no taxel has `lag` successive known changes.
+    The other arguments are those of `estimate_settings`. With R as the variance of a measured mean, the change over k
+    steps has the variance k walk + 2 R. With 1/f noise, changes of neighbouring steps alone would give a value of walk
+    that is too large over long times. The default settings are returned if no taxel has `lag` successive known changes.
     """
     values = np.stack(changes)
     short = _compute_mean_square(values, 1)

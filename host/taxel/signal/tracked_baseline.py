@@ -192,11 +192,16 @@ class TrackedBaseline:
     def _find_contact(self, mean: FloatArray, count: IntArray, elapsed_s: float) -> tuple[ContactState, BoolArray]:
         """Return (state of contact after an interval, whether all contacts of each board have ended, bool[s]).
 
-        Four explanations of the interval are compared for each board, and the one with the largest posterior density is
-        used: a common change that the free taxels show; a common change that all taxels show, so that all contacts have
-        ended; no common change; and a contact of the board that begins on many taxels at once. Drift changes all taxels
-        in proportion to their loadings; a contact of the whole board does not. mean: f64[n], counts, NaN without data.
-        count: i64[n], number of frames.
+        Four explanations of the interval are compared for each board:
+
+        1. a common change (drift) that the taxels without contact show;
+        2. a common change that all taxels show, so that all contacts have ended;
+        3. no common change;
+        4. no common change, and a contact that begins on many taxels of the board at once.
+
+        The explanation with the largest posterior density is used. A common change is distinguished from a contact of
+        the whole board, because it changes all taxels in proportion to their loadings. mean: f64[n], counts, NaN
+        without data. count: i64[n], number of frames.
         """
         level = self._rest
         known = np.isfinite(mean)
@@ -238,11 +243,12 @@ class TrackedBaseline:
         return moved.update(Interval(mean, residual, variance, measured, walk, elapsed_s, begin))
 
     def _compute_unchecked_variance(self, common: FloatArray, count: IntArray) -> FloatArray:
-        """Compute the error variance of each count at rest by drift since the taxel was last free, f64[n], counts^2.
+        """Compute the variance of the error that drift since a taxel was last free adds to its count at rest.
 
-        common: f64[s], common change of the boards in this interval, counts. count: i64[n], number of frames. The error
-        of a taxel's loading (its change relative to the common change of its board) is multiplied by the whole drift,
-        and so is the error of the median loading of the free taxels, from which the drift is computed.
+        The result is f64[n], counts^2. Two errors are multiplied by the whole drift: the error of the taxel's loading
+        (its change relative to the common change of its board), and the error of the median loading of the free taxels,
+        from which the drift is computed. common: f64[s], common change of the boards in this interval, counts. count:
+        i64[n], number of frames.
         """
         level = self._rest
         drift = level.unchecked + common[level.board]

@@ -160,7 +160,7 @@ def _compute_newton_step(
 
 
 def _find_bounded(springs: Springs, x: FloatArray, gradient: FloatArray) -> BoolArray:
-    """Return the coordinates that are at a bound and would move beyond the bound, bool[G, 3]; the approach has none.
+    """Return the coordinates that are at a bound and would move beyond it, bool[G, 3]; the approach has no bounds.
 
     x: f64[G, 3], approach and two tilts, metres. gradient: f64[G, 3], of the energy.
     """

@@ -131,8 +131,8 @@ class ContactMemory:
     def receive(self, message: ContactMessage) -> None:
         """Replace the contact points of a board with those of a message, according to `rules`.
 
-        A message without (relevant) contacts changes nothing, or clears the board's points if `rules.stale_contacts`
-        is False.
+        Contacts without the object count only if `rules.any_partner` is True. A message without a contact that counts
+        changes nothing, or clears the board's points if `rules.stale_contacts` is False.
         """
         entries = [entry for entry in message.entries if self.rules.any_partner or OBJECT in entry.bodies]
         if self.rules.first_entry_only:

@@ -35,7 +35,7 @@ class RecordingSkin(Skin):
         super().__init__(link, hand)
 
     def _read_link(self, timeout_s: float = 0.1) -> None:
-        """Write all bytes read so far, since the reader has received all their frames, and then read the link.
+        """Write all bytes read so far, because the reader has received all their frames; then read the link.
 
         Raises EOFError at the time `end_s` of a real-time source.
         """

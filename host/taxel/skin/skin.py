@@ -94,18 +94,22 @@ class Skin:
         openings = reconnection.openings
         if not reconnection.is_open or (self.hub.has_handshake and openings == self._openings):
             return
-        self.hub.attempts = 1  # the caller also draws or counts, and must not wait longer than necessary
+        # One attempt only: the caller also updates a display or a count, and must not wait longer than necessary.
+        attempts, self.hub.attempts = self.hub.attempts, 1
         try:
             self._resume()
         except VersionError:
             raise
         except HubError:
             return
+        finally:
+            self.hub.attempts = attempts
         self._openings = openings
 
     def _discover_boards(self) -> None:
-        """Read the boards that the hub has found, until it has found all boards of the hand or `DISCOVERY_TIMEOUT_S`
-        has passed.
+        """Read the hub's list of boards repeatedly, until the hub has found all boards of the hand.
+
+        The reading ends at the latest after `DISCOVERY_TIMEOUT_S`; boards may then be missing in `hub.boards`.
         """
         now_s = get_clock(self._stream.link)
         deadline = now_s() + DISCOVERY_TIMEOUT_S

@@ -242,8 +242,10 @@ class ClockMap:
         """Update the lower envelope with taxel and TIME_SYNC frames (dtype `ROW`), in stream order.
 
         `taxel_arrivals_s`: arrival time of the last byte of each taxel frame, seconds. `sync_hub_us`: hub times of the
-        TIME_SYNC frames. A frame departs when the hub has finished reading the board. The read time of a board is
-        estimated as the shortest time from the start of its read to the start of the next transfer.
+        TIME_SYNC frames. A point of the envelope is the departure of a taxel frame on the hub's clock and its arrival
+        on the host's clock. A frame departs when the hub has finished reading the board and has sent the frame. The
+        read time of a board is estimated as the shortest time from the start of its read to the start of the next
+        transfer, which may be that of a TIME_SYNC frame.
         """
         if not self._has_arrivals or not len(taxels) + len(syncs):
             return

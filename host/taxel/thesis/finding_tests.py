@@ -61,7 +61,7 @@ def is_denser(result: ObjectResult) -> Outcome:
 def is_noisier(result: ObjectResult) -> Outcome:
     """Test whether the standard deviation of the distances to CAD is much larger for the real cloud.
 
-    Returned number: ratio.
+    Returned number: standard deviation of the real cloud divided by that of the simulated cloud.
     """
     ratio = result.cad[REAL].std_m / result.cad[SIM].std_m
     return ratio, ratio >= SIGNIFICANT
@@ -79,7 +79,7 @@ def is_sim_nearer(result: ObjectResult) -> Outcome:
 def has_outliers(result: ObjectResult) -> Outcome:
     """Test whether the real cloud has points farther from CAD than any simulated point.
 
-    Returned number: ratio of the maxima.
+    Returned number: largest distance of the real cloud divided by that of the simulated cloud.
     """
     ratio = result.cad[REAL].max_m / result.cad[SIM].max_m
     return ratio, ratio > 1.0
@@ -138,7 +138,7 @@ def loses_most_at_surge(result: ObjectResult) -> Outcome:
 def is_smallest_above(result: ObjectResult) -> Outcome:
     """Test whether mean and RMS distance to the CAD model are smallest at a threshold above 190 counts.
 
-    Returned number: threshold for the mean.
+    Returned number: threshold with the smallest mean distance, counts.
     """
     best = {key: min(result.force, key=lambda t: getattr(result.force[t], key)) for key in KEYS}
     return float(best["mean_m"]), all(threshold > FORCE_FILTER for threshold in best.values())
@@ -147,7 +147,7 @@ def is_smallest_above(result: ObjectResult) -> Outcome:
 def loses_majority(result: ObjectResult) -> Outcome:
     """Test whether the force filter removes the majority of the points at the largest threshold.
 
-    Returned number: percentage.
+    Returned number: percentage of the points that the filter removes.
     """
     removed = compute_removed_share(result, LARGEST_THRESHOLD)
     return removed, removed > 50.0

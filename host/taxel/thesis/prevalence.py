@@ -49,8 +49,9 @@ def compute_line_shares(
 ) -> LineShares:
     """Compare the lines of the points that the outlier filter removes with those of inactive taxels.
 
-    Returns two shares: of the removed points, and of the inactive taxels of their boards, that have a TX or RX line in
-    common with a point that the filter keeps on the same board in the same grasp.
+    Returns the share of the removed points that have a TX or RX line in common with a kept point, and the same share of
+    the inactive taxels on the boards of the removed points. A kept point is a point that the filter keeps on the same
+    board in the same grasp.
 
     filtered, cleaned: cloud before and after the outlier filter. taxels: taxel table of the dataset. used: bool[n],
     taxels that the clouds can contain. Boards without a kept point or without an inactive taxel in a grasp are left

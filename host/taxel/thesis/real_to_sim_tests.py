@@ -38,9 +38,9 @@ def sor_removes_farther_points(result: ObjectResult) -> Outcome:
 
 
 def decreases_continuously(result: ObjectResult) -> Outcome:
-    """Test whether mean and RMS real-to-sim decrease at every treatment step.
+    """Test whether mean and RMS of the real-to-sim distance decrease at every treatment step.
 
-    Returned number: total decrease of the mean, percent.
+    Returned number: decrease of the mean over all steps, percent.
     """
     holds = all(decline(result, step, key) > 0.0 for step in range(3) for key in KEYS)
     return compute_decrease(result.to_sim[STAGES[0]].mean_m, result.to_sim[STAGES[-1]].mean_m), holds
@@ -63,9 +63,10 @@ def has_same_trend(result: ObjectResult) -> Outcome:
 
 
 def compare_sor_and_force(evidence: Evidence) -> Mapping[str, Outcome]:
-    """Test whether the same of the two filters, SOR or force filter, contributes more as in Tables I-10 to I-12.
+    """Test whether the filter with the larger contribution, SOR or force filter, is that of Tables I-10 to I-12.
 
-    Returned number: decrease of the mean real-to-sim distance by SOR minus that by the force filter, millimetres.
+    The contribution of a filter is its decrease of the mean real-to-sim distance.
+    Returned number: contribution of SOR minus that of the force filter, millimetres.
     """
 
     def compare(result: ObjectResult) -> float:

@@ -118,7 +118,7 @@ class Twin:
         return results
 
     def exchange_board(self, board: int) -> None:
-        """Expect the signals, noise and rest level of another board from now on: its next steps define them.
+        """Learn signals, noise and rest level of a board anew from the next steps, after the board was exchanged.
 
         The board is not compared in the current step. board: index of the board, from 0.
         """
@@ -126,7 +126,7 @@ class Twin:
         self._relearn(self._exchanged)
 
     def begin_session(self, time_s: float) -> list[StepResult]:
-        """Expect another level without contact and other deviations of the contacts from now on: a new session.
+        """Begin a new session, which has other counts without contact and other deviations from the reference.
 
         Returns the results of the steps that have ended by `time_s`, seconds, the time of the session's first frame.
         """
@@ -305,8 +305,8 @@ class Twin:
     def _adopt(self, step: Step, hypothesis: Hypothesis) -> None:
         """Expect the changed state of the hypothesis from now on, so that further changes are detected.
 
-        Clears what the session has learnt about the signals and noise of the place, or sets the new share of missing
-        frames.
+        For missing frames, the new share is set. Otherwise the session's noise of the place is discarded, and so are
+        the signals and the rest level of all taxels on the boards of the place.
         """
         taxels = self._find_members(hypothesis.place)
         if QUANTITIES[hypothesis.quantity].name == "missing":

@@ -35,9 +35,10 @@ class ContactRecorder:
     _occurrences: dict[Condition, int] = field(default_factory=dict)
 
     def take(self, time_s: FloatArray, raw_counts: CountArray, valid: BoolArray) -> list[tuple[Contact, GraspRecord]]:
-        """Add poll cycles f64[T], u16[T, n], bool[T, s]; return the contacts that are complete, with their records.
+        """Add poll cycles; return the contacts that are complete, with their records.
 
-        After a step back of the clock, all contacts announced so far are left out.
+        time_s: f64[T], seconds. raw_counts: u16[T, n]. valid: bool[T, s], whether each board delivered its frame. After
+        a step back of the clock, all contacts announced so far are left out.
         """
         done = []
         start = 0

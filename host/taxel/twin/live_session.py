@@ -51,8 +51,10 @@ class LiveSession:
         return mean + gain * deviation, 1.0 + gain
 
     def add(self, condition: Condition, mean: FloatArray, signal: FloatArray) -> None:
-        """Add a contact. mean: f64[BINS, n], mean signals of its condition in the reference. signal: f64[BINS, n], NaN:
-        no data.
+        """Add the signals of a contact of the session.
+
+        mean: f64[BINS, n], mean signals of the contact's condition in the reference, counts. signal: f64[BINS, n],
+        measured signals of the contact, counts; NaN: no data.
         """
         usable = np.isfinite(signal)
         number, deviation = self._sums.setdefault(condition, (np.zeros_like(mean), np.zeros_like(mean)))

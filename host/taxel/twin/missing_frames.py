@@ -66,9 +66,10 @@ class MissingFrames:
         return result
 
     def set_share(self, place: int, missing: FloatArray, expected: FloatArray) -> None:
-        """Expect the share of missing frames of one step at a place (index in `Places`) from now on.
+        """Set the usual share of missing frames of the boards of a place to their share in one step.
 
-        missing, expected: f64[s], numbers of missing and of expected frames of each board in the step.
+        place: index in `Places`, of a board or of the whole skin. missing, expected: f64[s], numbers of missing and of
+        expected frames of each board in the step.
         """
         level = LEVELS[int(self.places.level[place])]
         columns = np.arange(len(self.share)) if level == "skin" else np.array([self._find_board(place)])

@@ -57,10 +57,11 @@ class StepHistory:
     def localise(self, hypothesis: Hypothesis, models: NullModels, places: Places, since_s: float) -> Hypothesis:
         """Find the quantity, place and amplitude that explain the steps that end after `since_s` best.
 
-        hypothesis: from the detector; returned unchanged if no place explains the steps better than no change. A place
-        is judged by the sum of the log likelihood ratios of its taxels, each with the amplitude of the place: a board
-        explains more than one of its taxels if all of them have changed, and less than this taxel if the others
-        contradict. Among places with the same sum, the smallest place is returned.
+        hypothesis: from the detector; returned unchanged if no place explains the steps better than no change. The
+        score of a place is the sum of the log likelihood ratios of its taxels, each with the amplitude of the place. If
+        all taxels of a board have changed, the score of the board exceeds the score of each of its taxels. If only one
+        taxel has changed, the other taxels lower the score of the board below that of this taxel. Among places with the
+        same score, the smallest place is returned.
         """
         best, found = 0.0, hypothesis
         for number, quantity in enumerate(QUANTITIES):

@@ -106,7 +106,7 @@ class Reference:
         return predicted, np.asarray(self.relative_variance[low] * known.scale[low] ** 2)
 
     def leave_out(self, step: Step) -> Reference:
-        """Return the condition of a contact as the only condition, with the statistics of its other repeats.
+        """Return a reference that contains only the condition of a contact, with the statistics of its other repeats.
 
         step: a contact of this reference. The reference is returned unchanged for a step without contact, and for a
         condition with a single repeat.

@@ -32,8 +32,9 @@ class SelfRepair:
 def plan_repair(reference: Reference, alarms: Iterable[Alarm]) -> SelfRepair:
     """Derive the corrections from active alarms.
 
-    A change of the response is corrected by its gain, or by interpolation if the response is almost gone; a taxel
-    without noise is stuck and interpolated; a delay corrects the time stamps. Other changes are not corrected.
+    A changed response is corrected by division by its gain, or by interpolation if almost no response is left
+    (`WEAKEST`). A taxel without noise is stuck (`STUCK_LN`) and is interpolated. A delay is corrected in the time
+    stamps. Other changes are not corrected.
     """
     n = reference.taxels.n
     masked, gain, delay_s = np.zeros(n, bool), np.ones(n), np.zeros(n)

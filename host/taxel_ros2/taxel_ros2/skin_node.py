@@ -57,7 +57,10 @@ class SkinNode(LifecycleNode):
         self._has_baseline_request = threading.Event()
 
     def on_configure(self, state: Any) -> TransitionCallbackReturn:
-        """Read the parameters and check the hand description; FAILURE with one line in the log if it is invalid."""
+        """Read the parameters and check the hand description.
+
+        Returns FAILURE, with one line in the log, if the hand description is invalid.
+        """
         try:
             self._values = read_parameters(self)
             self._hand = load_hand(self._values.hand) if self._values.hand else None

@@ -101,7 +101,10 @@ def test_a_faulty_board_gives_exit_status_1_and_junit_failures(run, folder):
 
 
 def test_a_board_that_fails_gives_exit_status_2_and_a_record(run, folder):
-    """The board is unplugged 0.8 s after the start, before the record of 1.5 s is complete."""
+    """The board is unplugged 0.8 s after the start; the phase reads the frames of 1.5 s.
+
+    The printed outcome of the test is ERROR.
+    """
     (folder / "longer.toml").write_text(PLAN.replace("seconds = 0.5", "seconds = 1.5"))
     status, out, _ = run(url=make_bench_url(f"fault 0.8 unplug 0x{ADDRESS:02X}"), plan="longer.toml")
     assert status == 2

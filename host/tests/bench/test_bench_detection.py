@@ -64,10 +64,13 @@ def test_a_healthy_board_is_not_refused(tool, number):
 
 
 def test_cases_are_deterministic_and_cover_all_families(tool, monkeypatch):
+    """Arguments of `sample_cases`: number of faulty boards, number of healthy boards, number of weaker faults for each
+    graded family and each severity of `CURVE_SEVERITIES`, seed.
+    """
     fast_families = [family for family in tool.board_faults.FAMILIES if not family.name.startswith("drift")]
     monkeypatch.setattr(tool.detection, "FAMILIES", fast_families)
     cases = tool.detection.sample_cases(2 * len(fast_families), 5, 1, SEED)
     assert cases == tool.detection.sample_cases(2 * len(fast_families), 5, 1, SEED)
     assert {case.family for case in cases} == {family.name for family in fast_families} | {"healthy"}
-    # The first 5 cases are healthy boards; the last ones, of a severity curve, are weaker faults.
+    # The first 5 cases are healthy boards, then follow two faults of each family. The weaker faults are the last cases.
     assert all(1.5 <= case.severity <= 10.0 for case in cases[5 : 5 + 2 * len(fast_families)])

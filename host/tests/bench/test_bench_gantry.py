@@ -69,7 +69,11 @@ def test_a_gantry_indents_every_taxel_of_a_board(benches, pty_gantries):
 
 
 def test_an_indentation_gives_the_expected_g_code(gantries):
-    """Touch at Z = 2 mm, clear 5 mm above, spring of 10 N/mm, first taxel at (10, 20) mm, pitch 5 mm."""
+    """Touch at Z = 2 mm, clear 5 mm above, spring of 10 N/mm, TX 0 and RX 0 cross at (10, 20) mm, pitch 5 mm.
+
+    TX 3 is 15 mm from TX 0 in X, and RX 2 is 10 mm from RX 0 in Y. Forces of 2 N and 4 N compress the spring by 0.2 mm
+    and 0.4 mm.
+    """
     gantry = gantries()
     probe = open_probe(gantry)
     taxel = np.flatnonzero((KIND.tx == 3) & (KIND.rx == 2))[0]
@@ -184,7 +188,7 @@ def test_a_port_without_an_answer_gives_one_error_line(pty_gantries, monkeypatch
 
 def test_a_locked_controller_gives_one_error_line(gantries):
     gantry = gantries()
-    gantry.answer = lambda line: b"error:9\r\n"
+    gantry.answer = lambda line: b"error:9\r\n"  # Grbl: commands are locked out during an alarm
     with pytest.raises(ProbeError, match="answered 'error:9' to 'G21'; home the gantry and clear its path"):
         open_probe(gantry)
 

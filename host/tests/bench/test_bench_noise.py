@@ -101,7 +101,10 @@ def test_impulses_are_found_and_excluded_from_other_components(seed):
 
 
 def test_changes_of_a_random_walk_grow_faster_with_the_lag_than_1_f_noise():
-    """`mean_change_exponent`: exponent of the growth of the squared change with the lag. Drift has more than 0.6."""
+    """`mean_change_exponent`: exponent of the growth of the squared change with the lag. Drift has more than 0.6.
+
+    The steps of the random walk, one per frame, have a standard deviation of 3 counts.
+    """
     drift = separate_components(sample_record(np.random.default_rng(1), white=4.0, walk=3.0))
     steps = 0.25 * RATE_HZ  # `mean_change` is the change within 0.25 s
     assert drift.mean_change == pytest.approx(3.0 * np.sqrt(steps), rel=0.3)

@@ -46,6 +46,7 @@ def test_each_taxel_is_requested_once(benches):
     operator = FollowingOperator(bench)
     record = bench.run(make_short_plan("presses"))
     assert (record.outcome, list_faults(record)) == (Outcome.PASS, [])
+    # Each request: whether it is a repetition, the taxel, the force in newtons.
     assert operator.requests == [(False, taxel, 1.0) for taxel in range(27)]
     assert operator.operator.texts.count("release the probe") == 27
     assert "response" not in {measurement.name for measurement in find_phase(record, "presses").measurements}
@@ -79,8 +80,9 @@ def test_a_loading_curve_can_be_recorded_manually(benches):
     operator = FollowingOperator(bench)
     record = bench.run(make_short_plan("loading"))
     assert record.outcome is Outcome.PASS
+    # `fall`: share of the count at rest by which the largest force lowers the count.
     assert find_value(record, "loading", "fall") == pytest.approx(0.66, abs=0.03)
-    # Two taxels are loaded and unloaded in 4 steps, whose forces grow with the square of their number up to 50 N.
+    # Two taxels are loaded and unloaded in 4 steps. Step k has the force 50 N * (k / 4)^2.
     forces = [force for _, _, force in operator.requests]
     assert forces == pytest.approx(2 * [3.125, 12.5, 28.1, 50.0, 28.1, 12.5, 3.12], rel=0.01)
     assert operator.operator.texts.count("release the probe") == 2

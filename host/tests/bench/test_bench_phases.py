@@ -22,7 +22,10 @@ BOARD = f"board=0x{ADDRESS:02X}"
 
 @pytest.mark.parametrize("wire", WIRES)
 def test_a_healthy_board_passes_with_the_values_of_the_emulator(benches, wire):
-    """Values of the emulated board: noise 4 counts, count at rest 2440, response 730 counts at 1 N."""
+    """Values of the emulated board: noise 4 counts, count at rest 2440, response 730 counts at 1 N.
+
+    `fall` is the share of the count at rest by which the largest force of the phase "loading" lowers the count.
+    """
     bench = benches(wire=wire)
     bench.board.draws_pictures = True
     record = bench.run(make_short_plan())
@@ -58,7 +61,7 @@ def test_the_clock_of_the_board_is_measured_over_an_adapter(benches):
     record = benches("effect clock skew ppm=5000", wire="i2c").run(make_short_plan("frames"))
     reference = benches(wire="i2c").run(make_short_plan("frames"))
     difference = find_value(record, "frames", "clock") - find_value(reference, "frames", "clock")
-    assert difference == pytest.approx(5000.0, abs=1500.0)  # 2 s of frames, each delayed by up to one scan.
+    assert difference == pytest.approx(5000.0, abs=1500.0)  # ppm; each of the frames in 2 s may be late by one scan
 
 
 @pytest.mark.parametrize("wire", WIRES)

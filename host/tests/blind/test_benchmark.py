@@ -31,8 +31,11 @@ def answer(truth, kind, ratio=3.0, **probabilities):
 
 
 def test_single_causes_are_scored_by_first_name_and_exact_set_in_clear_worlds():
-    """Three worlds are clear (gap of at least two floors). The most probable effect is the true cause in two of them,
-    and the effects with at least 0.5 are exactly the true cause in one. Two of four statements at 0.8 are wrong.
+    """Three worlds are clear: their gap is at least two floors.
+
+    In two of the three clear worlds, the most probable effect is the true cause. In one of them, the effects with a
+    probability of at least 0.5 are exactly the true cause. In each of the four worlds, one effect has a probability of
+    at least 0.8; two of these four effects are wrong.
     """
     answers = [
         answer(["noise"], "single", noise=0.9, unknown=0.1),

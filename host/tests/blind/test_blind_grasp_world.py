@@ -71,6 +71,10 @@ def test_worlds_without_a_seed_differ():
 
 
 def test_400_worlds_hide_every_form_of_every_effect_none_and_pairs_of_different_effects():
+    """400 sampled worlds contain every cause type of the catalogue and every kind of world.
+
+    No world has two causes of the same effect.
+    """
     worlds = [sample(seed) for seed in range(400)]
     causes = [cause for world in worlds for cause in world.hidden.causes]
     assert {cause.emulator_effect for cause in causes} == {one.emulator_effect for one in CATALOGUE_CAUSES}

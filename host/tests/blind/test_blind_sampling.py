@@ -86,10 +86,11 @@ def test_as_many_worlds_of_all_kinds_have_a_decoy_that_is_not_hidden_as_worlds_a
 
 
 def test_strengths_of_sampled_causes_are_spread_evenly_over_the_range_of_gaps(monkeypatch):
-    """Of 240 worlds, 12 lie in each of 20 intervals of the intended gap (in multiples of the floor, from low to high).
+    """Of 240 worlds, 12 lie in each of 20 intervals of the intended root of the excess (in floors, from low to high).
 
-    The floor is the gap that repeats and sessions cause without any effect. The only cause type of this test writes its
-    strength (0 to 1) into its effect line; strength s corresponds to an intended gap of low * (high / low)^s.
+    The excess is the squared gap minus the squared floor; the floor is the gap that repeats and sessions cause without
+    any effect. The only cause type of this test writes its strength (0 to 1) into its effect line. A strength s
+    corresponds to an intended root of low * (high / low)^s.
     """
 
     def sample(rng, hand, strength):
@@ -178,7 +179,11 @@ def test_mean_number_of_indentations_does_not_depend_on_the_kind_of_world(all_wo
 
 
 def test_order_and_seeds_do_not_depend_on_the_kind_of_world(all_worlds):
-    """Position in the order, upper half and lowest bit of the seeds are equal within 4 standard errors."""
+    """Worlds with a single cause are compared with all other worlds by three shares.
+
+    These are the shares of worlds in the first half of the order, with a seed in the upper half of its range, and with
+    an odd seed. They differ by less than 4 standard errors.
+    """
     assert len({world.seed for world in all_worlds}) == WORLD_COUNT
     single = np.array([world.hidden.kind == "single" for world in all_worlds])
     for flags in (

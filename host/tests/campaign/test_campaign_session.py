@@ -138,7 +138,7 @@ def test_another_seed_gives_another_record(single_grasp_session, setup, two_of_o
 
 
 def test_a_grasp_does_not_depend_on_later_grasps(records, single_grasp_session):
-    """Only its times may differ slightly, because the host fits the hub's clock to all received frames."""
+    """Only the times of a grasp may differ slightly, because the host fits the hub's clock to all received frames."""
     reference = single_grasp_session[0]
     assert (records[0].raw_counts == reference.raw_counts).all()
     assert (records[0].sensor_time == reference.sensor_time).all()

@@ -32,6 +32,7 @@ def test_each_source_keeps_only_its_own_variation():
     assert variations["object pose"] == replace(NO_VARIATION, object_m=full.object_m, object_rad=full.object_rad)
     assert variations["grip"] == replace(NO_VARIATION, grip=full.grip)
     assert variations["mounting"] == replace(NO_VARIATION, remount_m=full.remount_m, remount_rad=full.remount_rad)
+    # Finger bases depend on the iteration of a grasp, and noise on other settings: no field of `Variation` has them.
     assert variations["finger bases"] == variations["noise"] == NO_VARIATION
 
 

@@ -180,7 +180,7 @@ def test_show_draws_the_same_condition_of_datasets_without_common_ids(paired_cam
     chosen = []
     monkeypatch.setattr(show, "save_grasp", lambda paths, out, grasps: chosen.append(grasps))
     renamed = rename_grasps(sim, tmp_path / "renamed.h5")
-    assert run_taxel("show", real, renamed, "--out", tmp_path) == 0  # the condition: object, approach, iteration
+    assert run_taxel("show", real, renamed, "--out", tmp_path) == 0  # the condition: object and approach
     ((first, second),) = chosen
     assert first in ids
     assert second == f"x{first}"

@@ -92,8 +92,9 @@ def test_inactive_taxels_are_restored_from_ply_only(tmp_path, surface_cloud, end
     ],
 )
 def test_damaged_rows_of_inactive_taxels_are_refused_in_one_line(tmp_path, surface_cloud, old, new, message):
-    """The element `silent` of a PLY file has the inactive taxels: here five rows of x, y, z and the row of
-    the grasp.
+    """The element `silent` of a PLY file has the inactive taxels, here in five rows.
+
+    A row has x, y, z and the index of a grasp, 6 in the last row. The cloud has 8 grasps, so the index 8 is invalid.
     """
     path = tmp_path / "cloud.ply"
     write_cloud(add_inactive(surface_cloud("cone")), path)

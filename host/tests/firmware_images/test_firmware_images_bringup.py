@@ -91,6 +91,7 @@ def test_each_planted_fault_is_named_with_its_step(flash, fault):
 
 
 def test_the_wrong_variant_of_the_circuit_counts_nothing(flash):
+    """The keys of `counts` are the number of capacitors of a variant, and a code of the current source."""
     for capacitors in (1, 2):
         results, _ = run(flash, PartSettings(capacitors=capacitors))
         assert any(count for (number, _), count in results.counts.items() if number == capacitors)

@@ -66,6 +66,7 @@ def test_vectors_lie_in_their_own_slot(build_folder, name):
     # bytes 16 to 19 of the header: address of the vectors
     assert int.from_bytes(data[16:20], "little") == slot_address + HEADER_BYTES
     assert vectors[0] == RAM_END  # initial stack pointer
+    # The other vectors are addresses in the code of the slot; bit 0 is set for Thumb code.
     assert all(
         slot_address + HEADER_BYTES + VECTORS_BYTES <= vector < slot_address + len(data) and vector & 1
         for vector in vectors[1:]

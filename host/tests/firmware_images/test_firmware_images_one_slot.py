@@ -148,7 +148,11 @@ def test_firmware_for_32_kib_or_another_kind_is_refused_and_the_board_runs_on(bu
 
 
 def test_after_a_power_cut_the_board_waits_for_the_repeated_update(build_folder, open_board):
-    """Cuts in the metadata write before the first row, in rows, and in the records of trial and confirmation."""
+    """The power is cut during the write to the flash with the number `operation`, counted from 1.
+
+    Write 1 is the metadata before the first row, writes 2 and 4 are rows, and the last three numbers are writes of the
+    records of trial and confirmation.
+    """
     generator = random.Random(SEED)
     print("seed", SEED)
     with open_board("finger_small") as world:

@@ -111,6 +111,7 @@ def test_an_image_reads_its_vectors_from_ram(flash_with, device, slot):
     assert part.words[CPUSS_CONFIG] & 1  # the processor reads the vectors from RAM
     stack_pointer = part.flash(first_byte + 32, 4)  # after the header of the image
     assert int.from_bytes(stack_pointer, "little") == 0x20001000
+    # All vectors are addresses in the code of the slot; bit 0 is set for Thumb code.
     assert all(
         first_byte < vector < first_byte + LAYOUTS[DEVICES[device]].slot_size and vector & 1 for vector in part.vectors
     )

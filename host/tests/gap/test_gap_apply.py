@@ -266,6 +266,7 @@ def test_noise_is_common_to_the_lines_named_in_the_report(simulation):
 
 @pytest.mark.parametrize("repeats", [1, 2, 3, 5])
 def test_samples_are_balanced_among_repeats_and_reproducible(repeats):
+    """Balanced: the samples of all repeats add up to 0. The samples of each repeat keep the standard deviation 1."""
     streams = [RandomStreams(7, 0, repeat, repeats) for repeat in range(repeats)]
     samples = np.array([one.sample_balanced(lambda rng: rng.normal(size=4000), 1) for one in streams])
     np.testing.assert_allclose(samples.std(axis=1), 1.0, rtol=0.05)

@@ -83,7 +83,8 @@ def test_effects_are_added_in_their_physical_order(capsys, report, paths, tmp_pa
     printed = capsys.readouterr().out
     assert "gain mismatch, saturation" in printed
     assert "unknown cause" in printed
-    # The gain acts before the saturation at 400 counts, although the report lists it first; the rest is noise.
+    # The gain acts before the saturation at 400 counts, although the verdict names the saturation first. Noise causes
+    # the signals above 400 counts.
     with GraspDataset(out) as data:
         signal_counts = max((30_000.0 - grasp.raw_counts).max() for grasp in data)
     assert 400.0 <= signal_counts < 430.0

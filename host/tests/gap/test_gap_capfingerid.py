@@ -98,7 +98,8 @@ def test_stale_prefix_and_impulse_are_detected_and_corrected(tool):
     assert frames.n_duplicates == 1
     assert frames.first.tolist() == [0, 0, 0, 20, 30, 0, 0, 0]
     assert np.argwhere(frames.impulses).tolist() == [[3, 20], [4, 20]]
-    assert np.abs(frames.corrected - truth)[:, 1:30].max() < 0.5 + 1.0  # the duplicate shifts the time by one frame
+    # Taxel 0 never has a valid value. The duplicate shifts the time by one frame, which changes the truth by 1 count.
+    assert np.abs(frames.corrected - truth)[:, 1:30].max() < 0.5 + 1.0
     assert frames.without_prefixes[3, 20] == 200.0
     assert frames.without_prefixes[4, 20] < 60.0
     assert frames.without_impulses[4, 19] == frames.without_impulses[2, 19]

@@ -147,7 +147,7 @@ def test_force_changes_are_interpolated_between_net_force_levels(state):
 
 
 def test_taxels_that_lose_contact_have_no_force(state):
-    """Their force is exactly 0, however much the simulated force differs from the force of the geometry."""
+    """The force of these taxels is exactly 0, however much the simulated force differs from that of the geometry."""
     change = make_neutral_change(state)
     change[:, 0, :, :10] = 0.0
     moved = apply_change(state, state.base, change)

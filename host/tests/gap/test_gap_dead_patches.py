@@ -94,6 +94,7 @@ def test_exchanged_lines_are_distinguished_from_a_dead_patch_over_two_lines():
     real = SimpleNamespace(value=measured[None, None, None])
     arguments = (state, real, expected[None, None], (0, "tx", 1))
     assert not is_response_on_other_line(*arguments, is_silent)
+    # If the silent taxels were compared, too, the lines would be taken for exchanged lines.
     assert is_response_on_other_line(*arguments, np.zeros_like(is_silent))
     # TX line 1 has the signals of TX line 3, and vice versa.
     exchanged = np.where(PLACE // SIZE == 1, expected.reshape(SIZE, SIZE)[3][PLACE % SIZE], 0.0)

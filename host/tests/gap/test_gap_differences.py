@@ -28,6 +28,8 @@ def test_equal_files_have_no_differences(files):
 
 
 def test_a_mesh_in_millimetres_is_reported_and_the_simulated_mesh_is_used(files):
+    """The real dataset's mesh is 1000 times larger than the simulator's mesh, as a mesh in millimetres would be."""
+
     def shrink_mesh(file):
         file["objects/cube/vertices"][...] *= 0.001
 

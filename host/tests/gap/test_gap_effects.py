@@ -137,7 +137,10 @@ def test_a_lag_of_one_board_reduces_only_the_closing_signal_of_this_board(state)
 
 
 def test_counts_decay_faster_with_creep_of_the_gap_than_with_creep_of_the_counts(state):
-    """Both forms delay the same share; a small remaining share of the gap gives fewer counts than of the signal."""
+    """Both forms delay the same share: `drop` of the signal, `gap` of the closed gap of a plate capacitor.
+
+    In recovery, a small remaining share of the closed gap gives fewer counts than the same share of the signal.
+    """
     forms = {form.variant: form for form in OWN_EFFECTS["hysteresis"]}
     delayed_share = np.array([[0.3], [1.0]])  # fraction, seconds
     signal_counts, gap = (forms[one].apply(state, state.base, delayed_share).signal_counts for one in ("drop", "gap"))

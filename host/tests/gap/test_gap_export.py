@@ -30,6 +30,7 @@ from taxel.gap.effects.geometry import ContactGeometry
 from taxel.gap.errors import GapInputError
 from taxel.gap.export.export import FORMATS, export_report
 from taxel.gap.export.genesis_options import OPTIONS
+from taxel.gap.export.skin_steps import STEPS, Frame
 from taxel.gap.features.features import FeatureLayout
 from taxel.gap.fitting.composite import FittedEffect
 from taxel.gap.fitting.state import build_state
@@ -293,6 +294,15 @@ def test_exported_module_agrees_with_gap_apply(simulation, tmp_path, monkeypatch
 
 def find_form(name: str, variant: str, scope: str = "hand"):
     return next(one for one in OWN_EFFECTS[name] if (one.variant, one.scope) == (variant, scope))
+
+
+@pytest.mark.parametrize(("kind", "expected"), [("clip", [-300.0, -100.0, 300.0]), ("soft", [-200.0, -75.0, 200.0])])
+def test_an_exported_saturation_limits_the_size_of_negative_signals_too(kind, expected):
+    """The components of a magnetic sensor have both signs. The gradual limit is x c / (|x| + c), c = 300 counts."""
+    frame = Frame(step_s=FRAME_S, since_s=0.0, age_s=0.0, model=None)
+    frame.signal = np.array([-600.0, -100.0, 600.0])
+    STEPS[kind](frame, {"counts": np.full(3, 300.0)}, {})
+    assert frame.signal == pytest.approx(expected)
 
 
 CREEP = ("hysteresis", "drop", np.array([[0.4], [0.8]]))

@@ -174,6 +174,7 @@ def test_without_positions_a_spread_is_unavailable(pair, tmp_path):
     paths = [rewrite_dataset(path, tmp_path / f"{k}.h5", places=TaxelPlaces()) for k, path in enumerate(pair)]
     state = prepare_pair(read_pair(*paths)).state
     assert GEOMETRY in state.pair.missing_inputs
+    # The last two forms spread signals, which needs positions. The other forms spread contact forces.
     assert "no positions" in find_unavailable_reason(state, OWN_EFFECTS["contact_propagation"][-2:])
 
 

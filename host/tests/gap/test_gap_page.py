@@ -398,6 +398,7 @@ def test_the_page_contains_parameters_locations_counts_and_inputs(allegro_report
 
 
 def test_xml_and_html_parsers_see_the_same_elements(allegro_report: Report) -> None:
+    """The page is valid XML, and for an HTML parser every element is closed in the order of the nesting."""
     text = page_text(allegro_report)
     parse_xml(text)
     reader = NestingChecker()
@@ -516,6 +517,7 @@ def test_an_insignificant_remaining_gap_is_not_called_unexplained(rig4_report: R
 
 
 def test_the_waterfall_starts_with_a_first_entry_named_gap(rig4_report: Report) -> None:
+    """A first entry "gap" is the gap without effects, so the page does not show it as an added effect ("+ gap")."""
     rig4_report["waterfall"].insert(0, {"effect": "gap", "gap": 15.25, "ci95": [14.0, 16.0]})
     rows = extract_text(page_text(rig4_report))
     assert "14.0 to 16.0" in rows

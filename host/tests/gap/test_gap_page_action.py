@@ -178,6 +178,7 @@ def make_neutral_parameters(effect: Effect) -> Report:
 
 @pytest.mark.parametrize("name", [name for name in OWN_EFFECTS if name != "dropout"])
 def test_no_parameter_of_the_catalogue_is_shown_at_its_neutral_value(name: str) -> None:
+    """Parameters of `SHAPE_PARAMETERS` have no neutral value and are not checked; every form has another parameter."""
     for form in OWN_EFFECTS[name]:
         report = make_report("explained", name)
         report["effects"][0]["parameters"] = parameters = make_neutral_parameters(form)

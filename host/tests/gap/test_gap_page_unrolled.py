@@ -125,7 +125,7 @@ def test_the_default_hand_is_arranged_like_a_right_hand() -> None:
     assert [heading.label for heading in palm_side.headings] == ["pinkie", "middle", "index"]
 
 
-def test_the_assumed_hand_is_arranged_like_a_right_hand() -> None:
+def test_the_allegro_hand_is_arranged_like_a_right_hand() -> None:
     palm_side, back = make_views(make_report("allegro"))
     at = {placed.board.name: placed for view in (palm_side, back) for placed in view.boards}
     assert len(palm_side.boards) + len(back.boards) == 17

@@ -42,7 +42,7 @@ def test_share_is_1_minus_the_negative_correlation_of_both_repeats(layout, oppos
 
 
 def test_share_of_one_family_does_not_depend_on_the_others(layout):
-    """The share is the variance of the mean estimated from pairs of repeats, relative to its estimate from single ones.
+    """The share is the ratio of two estimates of the variance of the mean: from pairs, and from single repeats.
 
     Repeats of a pair deviate in opposite directions (share 0), except in the onset features (share 1).
     """

@@ -103,7 +103,10 @@ def test_too_few_sessions_give_neither_no_gap_nor_explained():
 
 @pytest.mark.parametrize(("low", "status"), [(6.0, "explained"), (7.0, "partly_explained"), (None, "explained")])
 def test_a_remaining_excess_of_more_than_half_the_floor_is_stated(low, status):
-    """Half the floor of 5 counts, squared, is 6.25. low: lower end of the interval of the excess, counts squared."""
+    """Half the floor of 5 counts, squared, is 6.25 counts squared.
+
+    low: lower end of the interval of the remaining excess, counts squared; None: too few sessions for an interval.
+    """
     verdict = make_verdict(
         {"noise": 0.98, "unknown": 0.01, "no_gap": 0.01}, remaining_excess=Interval(100.0, low, 200.0, 10.0)
     )

@@ -92,6 +92,7 @@ def test_values_of_all_tables_of_a_recipe_file_are_read(folder):
 
 
 def test_recipe_of_another_hand_has_its_own_test_objects(folder):
+    """The sizes range from -8 % to +8 %. The cylinder has a radius of 21 mm for allegro, 20 mm for the default hand."""
     recipe = read_recipe(write_recipe(folder, 'hand = "allegro"\n'))
     assert recipe.hand == "allegro"
     for each, radius_mm in ((recipe, 21.0), (Recipe(), 20.0)):

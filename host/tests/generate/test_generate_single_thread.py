@@ -9,7 +9,7 @@ import taxel.generate.single_thread as module
 from taxel.generate.single_thread import SingleThreadLimit
 
 
-def test_first_shard_sets_the_limit_and_last_shard_restores_it():
+def test_first_shard_sets_the_limit_of_one_thread_and_last_shard_restores_the_original_limits():
     with mock.patch.object(module, "threadpool_limits") as limits:
         limit = SingleThreadLimit()
         first, second = limit.apply(), limit.apply()

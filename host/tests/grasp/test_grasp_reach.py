@@ -38,7 +38,10 @@ def test_the_solved_joints_are_the_six_arm_joints():
 
 @pytest.mark.parametrize("key", APPROACHES)
 def test_every_approach_and_its_withdrawn_pose_are_within_reach(key):
-    """The solved joint angles are within the limits and place the palm; no joint turns by 0.3 rad to withdraw it."""
+    """The solved joint angles are within the limits and place the palm as planned.
+
+    Between this pose and the withdrawn pose, every joint turns by less than 0.3 rad.
+    """
     approach, arm = APPROACHES[key], solve_arm(key)
     assert ((arm >= ROBOT.lower[:6]) & (arm <= ROBOT.upper[:6])).all()
     pose = compute_palm_pose(arm)

@@ -23,6 +23,7 @@ def compute_electrode_gap_mm(key, setting):
 
 
 def test_packaged_simulation_poses_at_the_prism_sides_have_the_median_electrode_gap_of_the_12_recorded_poses():
+    """The simulation poses at the sides of the prism are not recorded: they are hardware poses, moved to contact."""
     recorded_gaps_mm = [compute_electrode_gap_mm(key, "simulation") for key in RECORDED_IN_SIMULATION]
     assert len(recorded_gaps_mm) == 12
     for key in PRISM_SIDES:

@@ -48,7 +48,7 @@ def test_live_history_keeps_a_limited_number_of_samples() -> None:
     history = JointHistory(NAMES, "source", max_samples=10)
     for index in range(1000):
         history.add(float(index), np.zeros(2))
-    assert 10 <= len(history) <= 20
+    assert 10 <= len(history) <= 20  # the oldest 10 samples are removed if more than 20 are stored
     assert history.last_s == 999.0
 
 

@@ -40,6 +40,7 @@ def test_the_proposal_for_a_plain_npz_works_unchanged(tmp_path):
 
 @pytest.mark.parametrize("unit", ["s", "ms"])
 def test_the_proposal_for_a_csv_of_a_10_x_10_mat_works_unchanged(tmp_path, unit):
+    """The import accepts the mapping that `taxel import inspect` proposes, for times in seconds or milliseconds."""
     values = make_values(100)
     time = make_time() * (1000 if unit == "ms" else 1)
     write_csv(tmp_path / "mat.csv", {"time": time, **number_columns("p", values)})
@@ -49,6 +50,7 @@ def test_the_proposal_for_a_csv_of_a_10_x_10_mat_works_unchanged(tmp_path, unit)
 
 
 def test_the_proposal_for_a_csv_without_header_takes_the_increasing_first_column_as_time(tmp_path):
+    """Proposal: the mapping that `taxel import inspect` proposes, by which the file is imported unchanged."""
     values = make_values(100)
     write_csv(tmp_path / "mat.csv", {"time": make_time(), **number_columns("p", values)}, header=False)
     (contact,) = import_by_proposal(tmp_path, tmp_path / "mat.csv")
@@ -56,6 +58,7 @@ def test_the_proposal_for_a_csv_without_header_takes_the_increasing_first_column
 
 
 def test_the_proposal_takes_labels_and_contacts_from_the_columns_with_their_names(tmp_path):
+    """Proposal: the mapping that `taxel import inspect` proposes. The column `episode` numbers the contacts."""
     values = make_values(6, frames=80)
     columns = {
         "stamp": np.tile(make_time(), 2),
@@ -72,6 +75,7 @@ def test_the_proposal_takes_labels_and_contacts_from_the_columns_with_their_name
 
 
 def test_the_proposal_for_arrays_of_several_contacts_has_a_contact_axis(tmp_path):
+    """Proposal: the mapping that `taxel import inspect` proposes. The first axis of the array has two contacts."""
     values = np.stack([make_values(9), make_values(9) + 1])
     with h5py.File(tmp_path / "sim.h5", "w") as file:
         file["run/values"] = values
@@ -82,6 +86,7 @@ def test_the_proposal_for_arrays_of_several_contacts_has_a_contact_axis(tmp_path
 
 
 def test_the_proposal_for_vectors_has_three_components(tmp_path):
+    """Proposal: the mapping that `taxel import inspect` proposes. The array has a force vector for each of 5 taxels."""
     values = make_values(5, 3)
     np.savez(tmp_path / "a.npz", time=make_time(), force=values)
     (contact,) = import_by_proposal(tmp_path, tmp_path / "a.npz")
@@ -113,7 +118,7 @@ def test_inspect_prints_the_shapes_of_the_fields_and_the_mapping_also_as_json(tm
     assert tomllib.loads(report["map"])["values"] == {"field": "pressure"}
 
 
-def test_inspect_replaces_a_mapping_only_with_the_option_overwrite(tmp_path, capsys):
+def test_inspect_does_not_replace_an_existing_mapping(tmp_path, capsys):
     np.savez(tmp_path / "a.npz", t=make_time(), x=make_values(4))
     (tmp_path / "map.toml").write_text("mine")
     assert "exists" in run_refused_command(

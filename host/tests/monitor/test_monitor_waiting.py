@@ -18,6 +18,7 @@ from taxel.monitor import Screen, SkinMonitor, open_paced
 from taxel.monitor.summary_text import format_line
 from taxel.monitor.web.page import format_status_html
 from taxel.skin import open_skin
+from taxel.stream.hub_client import ATTEMPTS
 
 TIMEOUT_S = 40.0
 TAXEL = str(Path(sys.executable).with_name("taxel"))
@@ -93,6 +94,7 @@ def test_frames_that_a_running_hub_sent_to_an_unplugged_cable_are_lost_on_the_wi
         # More than 100 frames per second are lost for two seconds; they are also missing frames of their board.
         assert reading.lost_on_wire > 50
         assert reading.missing > 50
+        assert skin.hub.attempts == ATTEMPTS  # a single attempt per call applies to the reconnection only
 
 
 def start_recording(url, path, *options):

@@ -94,6 +94,7 @@ def test_hostile_requests_are_refused(serve):
 def test_hostile_messages_change_nothing(serve):
     served = serve(has_control=True)
     ordinary, oversized = asyncio.run(attack_messages(served.request, 240, SEED))
+    # Every ordinary message is counted as refused. An oversized message ends its connection and is not counted.
     wait_until(lambda: served.view.refusals.total == ordinary)
     assert oversized > 0
     assert not served.restarts
@@ -230,6 +231,7 @@ def test_used_port_is_reported_with_one_line(serve, fake_skin):
 
 
 def test_page_is_not_served_by_a_viser_without_checks(fake_skin, monkeypatch):
+    """Without the names that `_Override` replaces, the checks are not installed, as in another version of viser."""
     from taxel.monitor.web import WebError, server
 
     monkeypatch.setattr(server, "_Override", lambda module, **names: module)

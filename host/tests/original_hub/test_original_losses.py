@@ -183,6 +183,7 @@ def test_random_damage_loses_no_undamaged_message_and_shifts_no_cycle(seed: int,
 
 
 def test_restart_of_the_hub_is_counted_and_its_frames_are_delivered() -> None:
+    """The restart sets the clock of the hub to 0: the timestamps step back from more than 120 s to 50 ms."""
     sent = synthesise_messages(30) + synthesise_messages(30, 2, time_ms=50.0)
     frames, skin = read_frames(join_messages(sent))
     assert len(frames) == len(sent)

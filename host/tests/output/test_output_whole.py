@@ -143,7 +143,7 @@ def test_the_replaced_recording_is_kept_until_the_new_one_is_closed(tmp_path):
     assert list_names(tmp_path) == ["x"]
 
 
-def test_an_interrupted_recording_is_replaced_and_the_one_before_it_is_kept(tmp_path):
+def test_an_interrupted_recording_is_replaced_and_the_last_complete_recording_is_kept(tmp_path):
     write_whole(tmp_path / "x", "complete")
     for text in (b"interrupted", b"second"):
         output = LiveOutput(tmp_path / "x", overwrite=True)

@@ -26,8 +26,9 @@ def test_mean_distance_decreases_by_speed_times_interval():
 
 
 def test_left_out_template_returns_instead_of_a_contact_when_it_fits():
-    """The filter discards improbable templates (shapes and kinds of targets). Likelihoods are logarithms: of a target
-    by template and distance, of no target, and of a contact.
+    """The filter discards improbable templates (shapes and kinds of targets).
+
+    The arguments of `update` are log likelihoods: of a target by template and distance, of no target, and of a contact.
     """
     state = MotionFilter(np.ones(3))
     likelihood = np.zeros((3, len(CENTRES_M)))

@@ -151,6 +151,7 @@ def test_listener_records_the_angles_of_the_hand_on_can_without_switching_its_mo
 
 
 def test_topic_with_the_names_of_the_driver_gives_the_joints_of_the_robot() -> None:
+    # joint_1.0 is the name of ff_j1 in the driver. The topic has no angle of the elbow, which keeps the base angle 0.7.
     node = FakeNode(make_command, 0)
     listener = JointListener(node, "allegroHand_0/joint_states", ["elbow", "ff_j1"], np.array([0.7, 0.0]))  # type: ignore[arg-type]
     history = listener.record("allegroHand_0/joint_states")

@@ -79,7 +79,7 @@ def test_csv_and_parquet_keep_counts_sequences_cycles_and_times_and_note_the_los
 ):
     path, result = converted[format_name]
     check_frames(read_frames(path)[0], *TABLE_FIELDS)
-    assert len(result.notes) == 1
+    assert len(result.notes) == 1  # tables do not contain the hub's messages, its bytes and the loss counters
 
 
 @pytest.mark.parametrize(
@@ -96,6 +96,7 @@ def test_chain_of_conversions_keeps_the_fields_of_its_formats(converted, check_f
 
 def test_dataset_keeps_counts_clocks_and_the_first_time_of_each_cycle(converted, recorded_rig, tmp_path):
     path, result = converted["hdf5"]
+    # A dataset does not contain the arrival time of each board, and the numbers of cycles and scans.
     assert len(result.notes) == 1
     frames, _ = read_frames(path)
     assert find_differing_fields(frames, recorded_rig.frames, "address", "raw_counts", "board_time_us") == []

@@ -109,6 +109,10 @@ def test_triangle_larger_than_the_other_objects_or_square_box_is_penalised(tool)
 
 
 def test_objective_of_the_selected_sizes_is_less_than_a_fifth_of_that_of_larger_sizes(tool):
+    """The objective states how far the distances of modelled contact clouds deviate from the thesis; 0 for equality.
+
+    Sizes in mm: sides and height of the box, radius and height of the cylinder, base, height and legs of the triangle.
+    """
     settings = tool.objective.CloudSettings(points=128)
     selected_sizes = tool.objective.Sizes(69, 35, 130, 21, 130, 36, 130, 36)
     larger_sizes = tool.objective.Sizes(100, 60, 130, 45, 130, 70, 130, 70)

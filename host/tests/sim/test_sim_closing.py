@@ -71,7 +71,10 @@ def test_in_every_side_grasp_two_fingers_the_thumb_and_the_palm_touch_the_object
 
 @pytest.mark.parametrize("key", APPROACHES)
 def test_in_every_approach_the_palm_and_a_finger_or_the_thumb_carry_load(key):
-    """Only one finger or the thumb must carry load: from the top, the others can miss the object. Limits are in N."""
+    """At least one finger or the thumb must carry load, because from the top the other fingers can miss the object.
+
+    Limits are in N.
+    """
     force = compute_hold_forces(key)
     assert 3.0 < force.pop("palm") < 150.0
     assert 3.0 < max(force.values()) < 15.0
@@ -117,7 +120,7 @@ def test_the_contact_forces_on_a_finger_balance_its_joint_torques():
 
 
 def test_the_wrench_of_a_board_is_the_sum_over_its_contact_points():
-    """Both are averaged over the last second of hold, in N and Nm.
+    """The wrench and the sum are averaged over the last second of hold, in N and Nm.
 
     The wrench of a sample is a mean over several time steps, but the contact points of a sample are those of one step.
     """
@@ -156,6 +159,7 @@ def test_in_baseline_and_recovery_the_hand_is_at_rest_without_load(key):
 
 
 def test_only_a_withdrawn_palm_has_no_load_before_it_approaches_an_object_displaced_towards_it():
+    """The object is displaced towards the palm. It loads the palm at the start, unless the palm is withdrawn."""
     offset = make_pose([0.0, 0.002, 0.0], [1, 0, 0, 0])  # 2 mm towards the palm, which touches the object there
     for approach in (replace(FIRST_APPROACH, withdraw_m=0.0), FIRST_APPROACH):
         motion = simulate_grasp(
@@ -197,6 +201,7 @@ def test_equal_arguments_give_equal_bytes_and_another_seed_differs():
 
 
 def test_the_palm_pushes_a_displaced_object_back_to_its_surface():
+    """In hold, the displaced object touches the palm, and it is at its place in a grasp without a displacement."""
     offset = make_pose([0.0, 0.002, 0.0], [1, 0, 0, 0])  # 2 mm towards the palm
     moved = simulate_grasp(
         build_object_scene("rectangular_prism"), FIRST_APPROACH, TIMELINE, SimulationSettings(object_offset=offset)
@@ -204,6 +209,7 @@ def test_the_palm_pushes_a_displaced_object_back_to_its_surface():
     nominal = simulate_approach("rectangular_prism-wide_side_1")
     assert np.allclose(moved.object_pose[0], make_standing_pose() @ offset, atol=1e-4)
     end = last_sample(nominal, Phase.HOLD)
+    # The object was displaced along y; in hold, its y coordinate differs from the nominal grasp by less than 1 mm.
     assert abs((moved.object_pose - nominal.object_pose)[end, 1, 3]) < 0.001
     assert compute_board_forces(moved, end)["palm"] > 1.0
 

@@ -122,7 +122,8 @@ def test_contact_points_of_the_simulator_activate_the_same_taxels_as_cone_sensin
         np.testing.assert_allclose(grasp.separation[imported_frames], geometry, atol=1e-8)
         active, is_known = grasp.active_taxels()
         hold = motion.phase == Phase.HOLD
-        # A touched taxel has a signal of 1048 counts; in a share above 0.15 of the frames, the mean exceeds 150 counts.
+        # A taxel is active if its mean signal in hold exceeds 150 counts. A touched taxel has a signal of 1048 counts.
+        # It is therefore active if it is touched in a share of more than 150 / 1048 = 0.143 of the frames.
         np.testing.assert_array_equal(active, expected[hold].mean(axis=0) > 0.15)
         assert is_known.all()
         assert np.allclose(grasp.object_pose, make_standing_pose())

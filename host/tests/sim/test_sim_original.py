@@ -68,6 +68,11 @@ def test_coded_centres_have_the_extracted_distance_from_the_true_centres(kind, m
 
 
 def test_463_taxels_have_coordinates_and_the_backs_of_the_fingers_lie_at_their_brackets():
+    """The original plug-in has coordinates of 463 taxels (docs/original-simulator.md).
+
+    Taxels on the backs of the fingers lie at the origin of their bracket. The taxels of three boards have no
+    coordinates (NaN). Without the rule `boards_without_coordinates`, every taxel has a centre.
+    """
     centres = get_centres(ORIGINAL, OriginalRules())
     is_at_origin = (centres == 0).all(axis=1)
     by_board = {board.name: centres[ORIGINAL.get_slice(board.address)] for board in ORIGINAL.boards}

@@ -240,6 +240,7 @@ def test_a_hub_restart_starts_a_new_clock_mapping(make_hub, make_prepared_link, 
         find_true_time,
         HOST_OFFSET_S,
     )
+    # The first stream ends at 4.5 s. The second stream begins at 5 s; its clock mapping has settled after 8.5 s.
     settled = ((rows[:, 0] > 3.0) & (rows[:, 0] < 4.0)) | (rows[:, 0] > 8.5)
     assert find_largest_error(rows[settled], 0.0) < TOLERANCE_S
 

@@ -64,7 +64,8 @@ def to_dict(value):
 def test_messages_have_the_same_fields_as_with_construct(sent):
     """The library construct parses the payloads with the definitions of the protocol.
 
-    A payload of variable length ends with bytes that are no named field of a message, but its `trailing_bytes`.
+    The bytes at the end of a payload of variable length are not a named field of the decoded message. The message has
+    them as `trailing_bytes`.
     """
     batches = StreamDecoder().push(b"".join(encode_frame(*frame) for frame in sent))
     decoded = [message for batch in batches for message in decode_messages(batch)]

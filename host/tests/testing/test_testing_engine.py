@@ -193,7 +193,7 @@ def test_progress_is_reported_from_0_to_1(make_plan, phase, run):
 
     def measure(context, options, log):
         log.report_progress(0.5)
-        log.report_progress(7.0)
+        log.report_progress(7.0)  # limited to 1.0
 
     run(make_plan("[phases.a]\n"), [phase("a", measure)], report=lambda name, share: reports.append((name, share)))
     assert reports == [("a", 0.0), ("a", 0.5), ("a", 1.0), ("a", 1.0)]

@@ -149,7 +149,10 @@ def test_an_earlier_outlier_does_not_widen_the_spread():
 
 
 def test_identical_earlier_values_permit_a_change_of_five_percent():
-    """The standard deviation is assumed to be at least 1 % of the median, of which five are permitted."""
+    """A value may differ from the median by five standard deviations.
+
+    The standard deviation is assumed to be at least 1 % of the median, which gives 5 % for identical earlier values.
+    """
     assert not has_moved(104.0, [100.0] * 5)
     assert has_moved(106.0, [100.0] * 5)
     assert has_moved(1.0, [0.0] * 5)
@@ -157,7 +160,10 @@ def test_identical_earlier_values_permit_a_change_of_five_percent():
 
 
 def test_with_fewer_earlier_tests_the_distance_to_the_limit_is_the_scale():
-    """A value has moved if it differs by more than a quarter of the distance from the median to the bound, here 4."""
+    """The permitted difference from the median is a quarter of the distance from the median to the bound.
+
+    Here the median is 4 and the bound is 8: the distance is 4, and a difference of up to 1 is permitted.
+    """
     limit = Limit(None, 8.0)
     assert not has_moved(4.9, [4.0], limit)
     assert has_moved(5.1, [4.0], limit)

@@ -99,7 +99,10 @@ def test_identified_shapes_are_reported_for_whole_clouds_and_single_approaches_a
 
 
 def test_skill_below_one_is_reported_for_every_group_and_statistic(output):
-    """At a skill of 1 the values equal the printed values; at 0 they are only as near to them as one constant."""
+    """A skill of 1 means that the values equal the printed values of the thesis.
+
+    A skill of 0 means that the values are as near to the printed values as the best constant.
+    """
     values = json.loads((output / "thesis.json").read_text())["skill"]
     skills = {(item["group"], item["statistic"]): item["median"] for item in values}
     assert {group for group, _ in skills} == set(GROUPS)

@@ -47,6 +47,7 @@ def test_a_short_campaign_leaves_the_old_or_the_new_version_after_each_cut(tmp_p
     assert document["outcomes"]["old"] > 50 < document["outcomes"]["new"] + document["outcomes"]["cut_again"]
     assert all(sum(counts.values()) for counts in document["by_operation"].values())
     assert document["torn_rows"] > 100
+    # Longest time without a frame of a second board, which keeps its power while the first board loses it.
     assert document["longest_gap_of_the_board_beside_s"] < 0.2
     page = (tmp_path / "page.md").read_text()
     assert "**Bricked: 0. Damaged images or records: 0.**" in page

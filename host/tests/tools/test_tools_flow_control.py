@@ -98,7 +98,11 @@ def test_a_hub_whose_processor_stalls_loses_no_command(worlds, hub):
 
 
 def test_an_unconnected_rts_line_reduces_the_window_and_updates_succeed(worlds, make_firmware):
-    """The link was opened with rtscts=1, but the hub reports lost bytes, and the host reduces its window."""
+    """The link was opened with flow control (rtscts=1), but the RTS line of the hub is not connected.
+
+    The receive ring of the hub then overflows, and the hub reports lost bytes in its log. After this report the host
+    reduces its window, the limit of command bytes without a reply, from `FLOW_CONTROL_WINDOW` to `RING_WINDOW`.
+    """
     world = worlds(*BOTH_WAYS, boards=4)
     link = VirtualMemoryLink(world)
     link.has_flow_control = True

@@ -86,6 +86,7 @@ def test_damaged_packets_are_sent_again(seed):
 
 @pytest.mark.parametrize("cut_after", [0, 1, 30, 62])
 def test_after_a_power_cut_the_board_stays_in_its_bootloader_and_is_written_again(cut_after):
+    """cut_after: number of written rows after which the power fails; the application has 62 rows."""
     model = OriginalBootloader(ADDRESS, SILICON_ID, FIRST_ROW, cut_after=cut_after)
     rows = make_rows(4)
     with pytest.raises(BoardError):

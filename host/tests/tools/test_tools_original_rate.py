@@ -34,6 +34,7 @@ def test_the_first_generation_runs_at_8_to_9_hz(measurements):
 
 def test_15_boards_with_the_settings_of_the_thesis_run_within_1_percent_of_the_limit_of_the_uart(measurements):
     thesis = measurements["also a ring of 256 bytes (settings of the thesis)"]
+    # The limit of the UART: 11,520 bytes per second at 115,200 baud, divided by the 1930 bytes of 15 messages.
     assert pytest.approx(5.97, abs=0.005) == rate.THESIS_RATE_HZ
     assert thesis.rate_hz == pytest.approx(rate.THESIS_RATE_HZ, rel=0.01)
     assert thesis.wire_share > 0.999
@@ -42,7 +43,8 @@ def test_15_boards_with_the_settings_of_the_thesis_run_within_1_percent_of_the_l
 def test_each_of_delay_pacing_and_ring_lowers_the_rate(measurements):
     names = ["15 boards of the thesis, same firmware", "without pacing", "without delay and pacing"]
     rates = [measurements[name].rate_hz for name in names]
-    assert rates == sorted(rates)
+    assert rates == sorted(rates)  # the rate increases without the pacing, and again without the delay
+    # Only the small ring of the UART driver is left; with the ring of the thesis, the rate is within 1 % of the limit.
     assert rates[-1] < 0.9 * rate.THESIS_RATE_HZ
 
 

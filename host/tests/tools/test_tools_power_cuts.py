@@ -62,6 +62,11 @@ def measure_write_times(world, firmware) -> list[float]:
 def test_power_cuts_leave_the_old_or_the_new_image_and_the_update_can_be_repeated(
     worlds, adapter, make_firmware, boot_listens
 ):
+    """Each world has two power cuts: one at a given place of a write, and one at a random time of the repeated update.
+
+    Three of the four `FRACTIONS` lie within a write. The first cuts, half of all cuts, thus tear a row in about 3/8 of
+    all cuts; the test requires a third.
+    """
     seed = 40
     print(f"seed {seed}")
     generator = random.Random(seed)

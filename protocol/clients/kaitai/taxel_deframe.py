@@ -88,9 +88,10 @@ class TaxelDeframe:
     """The custom process, as the compilers of Kaitai Struct call it."""
 
     def decode(self, data: bytes) -> bytes:
-        """Return the whitened bodies of all frames, each after 1 byte (1: this version defines the frame) and its size.
+        """Return the whitened bodies of all frames in `data`, each preceded by three bytes.
 
-        The size has 2 bytes, the low byte first.
+        The first byte is 1 if this version defines the frame, otherwise 0. The other two bytes are the size of the
+        body, the low byte first.
         """
         out = bytearray()
         for chunk in data.split(b"\0"):

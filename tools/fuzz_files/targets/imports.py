@@ -191,7 +191,7 @@ def _read_contacts(convert: Callable[..., Any]) -> Callable[[Path], Flat]:
     """Return a function that imports the contacts and joint angles of a folder with `convert` and reads the dataset."""
 
     def read(path: Path) -> Flat:
-        """Import the files of a folder and read the dataset, which is deleted."""
+        """Import the files of a folder to a dataset, return the dataset's data, and delete the dataset."""
         out = path / "out.h5"
         try:
             convert(path / "c.csv", out, joints=path / "j.csv", options=_get_hand()[2])

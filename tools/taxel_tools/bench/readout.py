@@ -68,10 +68,11 @@ def _build_capture(rows: list[Row], taxels: int) -> Capture:
 
 
 def _is_complete(address: int, is_enough: bool, silent_s: float) -> bool:
-    """Return whether a record is complete: `is_enough`, unless the frames have stopped.
+    """Return whether a record is complete (`is_enough`), after a check that the frames have not stopped.
 
-    Raises `BoardError` if no frame has arrived for `END_TIMEOUT_S` at the end of the record, or for
-    `NO_FRAME_TIMEOUT_S` before.
+    is_enough: whether the record has the requested length. silent_s: seconds since the last frame. Raises `BoardError`
+    if this time exceeds `END_TIMEOUT_S` for a record of the requested length, or `NO_FRAME_TIMEOUT_S` for a shorter
+    one.
     """
     if silent_s > (END_TIMEOUT_S if is_enough else NO_FRAME_TIMEOUT_S):
         raise BoardError(address, f"no frame for {silent_s:.1f} s; check plug and power")

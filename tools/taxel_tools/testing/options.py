@@ -94,8 +94,9 @@ class Options:
 
 
 def is_number(value: object) -> bool:
-    """Return whether a value of a file is a finite number; not a boolean, and not an integer beyond the range of a
-    float.
+    """Return whether a value of a file is a number of a size below 1e300 and not a boolean.
+
+    The bound excludes infinite values, NaN, and integers beyond the range of a float.
     """
     return isinstance(value, int | float) and not isinstance(value, bool) and abs(value) < 1e300
 

@@ -71,8 +71,9 @@ class BasePair:
     def _make(self, real: Path, sim: Path) -> None:
         """Write the real dataset to `real` and the simulated dataset to `sim`, without a hidden cause.
 
-        Touches: the two halves of the repeats of measured touches. Indentations and grasps: from the emulated skin,
-        with the small deviations that every skin has, and from the simulator.
+        Touches: the two datasets are the two halves of the repeats of measured touches. Indentations and grasps: the
+        real dataset is from the emulated skin, with the small deviations that every skin has; the simulated dataset is
+        from the simulator.
         """
         rng = np.random.default_rng([self.seed, len(self.kind)])
         if self.kind == TOUCH:

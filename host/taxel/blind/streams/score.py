@@ -101,7 +101,10 @@ def _is_place_correct(world: StreamWorld, alarm: dict[str, Any]) -> bool | None:
 
 
 def _count_false_alarms(made: Sequence[tuple[StreamWorld, Result]]) -> tuple[float, int]:
-    """Count the hours before the onset of a fault (all hours without a fault), and the alarms in these hours."""
+    """Return the number of hours before the onset of the fault, over all streams, and the number of alarms in them.
+
+    In a stream without a fault, all hours count.
+    """
     hours, false = 0.0, 0
     for world, result in made:
         onset = result["start_s"] + (world.onset_s if world.onset_s is not None else 3600.0 * world.hours)
@@ -111,11 +114,13 @@ def _count_false_alarms(made: Sequence[tuple[StreamWorld, Result]]) -> tuple[flo
 
 
 def _score_names(found: Sequence[dict[str, Any]], count: int) -> dict[str, Any]:
-    """Score the causes that the twin names `count` contacts after the onset. Faults without a cause then are left out.
+    """Score the causes that the twin names from the first `count` contacts after the onset.
 
-    Returns the number of faults of the catalogue and the share in which the true cause is the most probable; the number
-    of faults outside the catalogue and the share reported as unknown; and the share of faults with a wrong statement: a
-    wrong cause with a probability of `FORBIDDEN` or more. A share is None if there are no such faults.
+    Faults for which the twin has named no cause from this number of contacts are left out. Returns five values:
+    "known", "first_share": number of faults of the catalogue, and share of them for which the true cause is the most
+    probable. "unknown", "reported_unknown_share": number of faults outside the catalogue, and share of them that is
+    reported as unknown. "wrong_share": share of all these faults with a wrong statement, which is a wrong cause with a
+    probability of `FORBIDDEN` or more. A share is None if there are no such faults.
     """
     known = [one for one in found if str(count) in one["names"] and one["cause"] != UNKNOWN]
     unknown = [one for one in found if str(count) in one["names"] and one["cause"] == UNKNOWN]

@@ -107,7 +107,7 @@ class EmulatedEquilibrium:
         return pose
 
     def _is_touching(self, travel: float) -> bool:
-        """Return whether the object touches the skin at a travel of its mount, metres, without deflection."""
+        """Return whether the object touches the skin if its mount has moved by `travel` metres and is not deflected."""
         pose = self._rest.copy()
         pose[:3, 3] += travel * self._direction
         return self._contact.compute_load(self._index, pose, self._brackets).touched_board_count > 0

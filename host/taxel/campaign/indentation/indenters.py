@@ -141,7 +141,7 @@ def _find_corners_on_faces(sharp: ConvexPolytope) -> NDArray[np.bool_]:
 
 
 def _make_face_features(sharp: ConvexPolytope) -> list[Feature]:
-    """Make a feature for each face of a polytope; its line has the direction in which the face is longest."""
+    """Make a feature for each face of a polytope; the line of the feature lies along the longest extent of the face."""
     features = []
     for normal, is_corner in zip(sharp.normals, _find_corners_on_faces(sharp), strict=True):
         corners = sharp.vertices[is_corner]
@@ -154,7 +154,10 @@ def _make_face_features(sharp: ConvexPolytope) -> list[Feature]:
 
 
 def _make_edge_features(sharp: ConvexPolytope) -> list[Feature]:
-    """Make a feature for each edge of a polytope; its outward direction is midway between those of its two faces."""
+    """Make a feature for each edge of a polytope.
+
+    The outward direction of the feature is midway between the normals of the two faces that meet at the edge.
+    """
     incidence, features = _find_corners_on_faces(sharp), []
     for first in range(len(incidence)):
         for second in range(first + 1, len(incidence)):

@@ -156,10 +156,11 @@ class PlacementSampler:
         )
 
     def sample(self, indenter: Indenter, boards: tuple[int, ...], force_n: float) -> IndentationApproach | None:
-        """Sample one approach of an object to one board or to two neighbouring boards; its name is empty.
+        """Sample one approach of an object to one board or to two neighbouring boards.
 
-        boards: indices of these boards. force_n: force in equilibrium, newtons. Returns None if the sampled approach
-        loads other boards than `boards`, or has no suitable equilibrium; the caller then samples again.
+        boards: indices of these boards. force_n: force in equilibrium, newtons. The name of the approach is empty; the
+        caller sets it. Returns None if the sampled approach loads other boards than `boards`, or has no suitable
+        equilibrium; the caller then samples again.
         """
         suitable = [feature for feature in indenter.features if len(boards) == 1 or feature.kind != "edge"]
         feature = suitable[self._rng.integers(len(suitable))]

@@ -70,8 +70,9 @@ def _compute_piece_centres(position: FloatArray, normal: FloatArray, pitch: floa
 
 
 def list_group_members(index: NDArray[np.intp]) -> list[NDArray[np.intp]]:
-    """Return the indices of the members of each group. index: [n] (n taxels), group number, from 0, of each of n
-    members.
+    """Return the indices of the members of each group, one array for each group.
+
+    index: [n], number of the group, from 0, to which each of the n members (such as taxels) belongs.
     """
     order = np.argsort(index, kind="stable")
     return np.split(order, np.cumsum(np.bincount(index))[:-1])

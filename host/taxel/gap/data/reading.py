@@ -326,10 +326,11 @@ def _find_onsets(
     valid: NDArray[np.bool_],
     sensor: NDArray[np.intp],
 ) -> FloatArray:
-    """Return for each board the seconds from the beginning of closing to half of its summed signal in hold, f64[s].
+    """Return the onset of each board: seconds from the beginning of closing to half of the signal in hold, f64[s].
 
-    The sum includes the taxels with a positive signal in hold. A board has NaN without closing, if the sum is below
-    `MIN_ONSET_COUNTS` or below `MIN_ONSET_NOISE_RATIO` standard deviations, and without a crossing (`_find_crossing`).
+    The signal of a board is the sum over its taxels with a positive signal in hold. The onset is NaN in these cases:
+    the grasp has no closing; the signal in hold is at most `MIN_ONSET_COUNTS`, or below `MIN_ONSET_NOISE_RATIO`
+    standard deviations of the signal in the baseline; the signal never rises through the half (`_find_crossing`).
 
     signal_counts: f64[T, n] (T frames, n taxels). hold: mean signal in hold, f64[n], counts. phase_time_s: seconds
     since the beginning of the phase, f64[T]. phase: u8[T]. valid: bool[T, s]. sensor: [n], board of each taxel.

@@ -58,7 +58,8 @@ def find_faults(data: GraspDataset) -> list[SimulatorFault]:
 
     A grasp is faulty if it violates physics (`taxel.recording.grasp_invariants`), if contact remains in the recovery,
     or if the object is missing. The object of a grasp without force in the hold is missing if other grasps of the
-    condition have force, or if every other condition has force.
+    condition have force, or if every other condition has force. If more than the share `MAX_FAULTY_SHARE` of all grasps
+    is faulty, the faults state that the grasps are kept (`HANDLING_KEPT`).
     """
     checker = InvariantChecker(data)
     faults: dict[str, SimulatorFault] = {}

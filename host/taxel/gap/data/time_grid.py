@@ -37,8 +37,8 @@ def choose_duration(durations: NDArray[np.float64]) -> float:
     """Return the duration of a phase that is evaluated for all conditions, seconds.
 
     durations: f64[C] (C conditions), duration of the phase in the shortest grasp of each condition, seconds. The result
-    is the longest of these durations, limited by `MAX_DURATION_RATIO`; if they are nearly equal
-    (`EQUAL_DURATION_RATIO`), the shortest.
+    is the longest of these durations, limited to `MAX_DURATION_RATIO` times their median. If the limited duration is
+    less than `EQUAL_DURATION_RATIO` times the shortest duration, the result is the shortest duration.
     """
     limited = min(float(durations.max()), MAX_DURATION_RATIO * float(np.median(durations)))
     return float(durations.min()) if limited < EQUAL_DURATION_RATIO * durations.min() else limited

@@ -58,8 +58,8 @@ def find_defects(
     """Return the dead and stuck taxels, dead lines, shorts, and missing frames of the real recording.
 
     real: measured features. features: f64[C, F, n] (C conditions, F features, n taxels), expected features. selection:
-    bool[C, n], taxels and conditions that are inspected; None: all. Silent lines whose expected signals another line of
-    the board shows are exchanged lines, which are not reported.
+    bool[C, n], taxels and conditions that are inspected; None: all. A line without response is not reported as dead if
+    another line of the board shows its expected signals: the two lines are then exchanged.
     """
     n, sensor = state.pair.n, state.pair.groups.sensor
     real, features = _subtract_common_drift(state, real, features)

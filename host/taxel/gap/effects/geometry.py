@@ -62,7 +62,7 @@ class ContactGeometry:
         """Share of the force of each taxel on each of its pieces, f64[m, 9] (m taxels of the board, 9 pieces of each),
         by simulated contact and board.
 
-        The shares of a taxel are equal if the meshes load none of its pieces.
+        The shares of a taxel are equal if no force acts on its pieces in the contact that the meshes predict.
         """
         shares = {}
         for contact, pressure in zip(self.contacts, self.undisplaced_pressures, strict=True):

@@ -66,10 +66,14 @@ def compute_load_shifts(
     object frame. holding_stiffness: stiffness of the object's mount across the push, newtons per metre, one value for
     each board.
 
-    Each board moves the object along its direction by the motion of the centre of its force. The mount opposes this
-    motion with a force that is the least-squares solution over all directions. Its part across the net push is
-    distributed over the boards with the smallest sum of squares of the changes. No board falls below `MIN_FORCE_SHARE`
-    of its force.
+    The computation has four steps:
+
+    1. The motion of a board is the displacement of the centre of its force, along the direction of its force.
+    2. The mount opposes this motion. The component of the force on the mount along the direction of the board is the
+       stiffness times the motion. The force is the least-squares solution of these equations of all boards.
+    3. Only the part of this force across the net push is kept.
+    4. The changes of the boards' forces add up to this part (least squares). Of all such changes, the result has the
+       smallest sum of squares. No board falls below `MIN_FORCE_SHARE` of its force.
     """
     directions = np.array([push.direction for push in pushes])
     net = np.array([push.force for push in pushes]) @ directions

@@ -35,9 +35,10 @@ class Latency(Effect):
         """Return whether the delays of the loaded boards are within the resolution of the frames; False without loaded
         boards.
 
-        values: f64[1, G], delays in seconds of G boards. The differences between the delays must be below one frame
-        period: smaller differences arise from different contact solvers. Each delay must be below 1.5 frame periods:
-        such delays of all boards arise from the times at which the frames were recorded.
+        values: f64[1, G], delays in seconds of G boards. Two conditions must be met. The differences between the delays
+        are below one frame period; such small differences can arise from different contact solvers. The magnitude of
+        each delay is below 1.5 frame periods; such a delay of all boards can arise from the times at which the frames
+        were recorded.
         """
         loaded = state.loaded_boards
         delays = values[0, loaded]

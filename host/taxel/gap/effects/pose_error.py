@@ -96,12 +96,13 @@ class PoseError(Effect):
 
     def convert_to_reported(self, values: FloatArray) -> FloatArray:
         """Convert fitted values f64[P, G] (P parameters; G blocks: the hand, boards, objects or taxels) to reported
-        values f64[P, G], whose translation is that of the origin in the frame before the rotation.
+        values f64[P, G].
 
-        Values of objects do not change. The translation of a bracket is fitted in the frame after the rotation. There,
-        the prior alone determines the translation along the normal of a flat board, which is not identifiable because
-        the board is shifted until its net force is kept. In the frame before the rotation all three components of the
-        translation would depend on this unidentifiable component.
+        The reported translation is the motion of the origin, with components along the axes of the frame before the
+        rotation. Values of objects do not change. The translation of a bracket is fitted along the axes after the
+        rotation, for the following reason. A board is shifted until its net force is kept; the translation along the
+        normal of a flat board is therefore not identifiable, and only the prior determines it. Along the axes after the
+        rotation this translation is one component. Along the axes before the rotation it would affect all three.
         """
         if self.scope == OBJECT:
             return values

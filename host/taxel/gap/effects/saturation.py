@@ -16,7 +16,7 @@ derivative is 0 and the fit cannot start."""
 
 
 class Saturation(Effect):
-    """Limit of the size of a signal at c = `counts`: variant `clip` sharply, `soft` as x c / (x + c)."""
+    """Limit of the size of a signal x at c = `counts`: variant `clip` sharply, `soft` as x c / (|x| + c)."""
 
     name = "saturation"
     order = 60
@@ -40,11 +40,15 @@ class Saturation(Effect):
         return values
 
     def apply(self, state: State, signal: Signal, values: FloatArray) -> Signal:
-        """Return the limited signal; `signal` itself if all limits are neutral. values: f64[1, G] (G blocks: the hand,
-        boards, objects or taxels), limit of each block, counts; the neutral value is 1e6. The limit is sharp in the
-        form `clip` and gradual, x c / (x + c), in the form `soft`. A limit is nonlinear and must therefore act on the
-        mean signal of all simulated contacts of a condition; the state contains only some of them, and
-        `State.mean_difference` is the difference between the two mean signals.
+        """Return the limited signal; `signal` itself if all limits are neutral.
+
+        values: f64[1, G] (G blocks: the hand, boards, objects or taxels), limit c of each block, counts; the neutral
+        value is 1e6. The limit of the magnitude of a signal x is sharp in the form `clip`, and gradual, x c / (|x| +
+        c), in the form `soft`.
+
+        A limit is nonlinear and must therefore act on the mean signal of all simulated contacts of a condition. The
+        state contains only some of these contacts. `State.mean_difference`, the difference between the two mean
+        signals, is added before the limit and subtracted after it.
         """
         if (values >= 1e6).all():
             return signal

@@ -81,10 +81,10 @@ def read_findings(path: Text, show: ProgressCallback = ignore_progress) -> Findi
 def _read_first_rival(
     report: CheckedReport, reported: ReportedGap, confounded: Mapping[str, Sequence[str]]
 ) -> tuple[ReportedEffect, ...]:
-    """Return the first effect with a confounded effect as a tuple of length 1.
+    """Return the first effect in `confounded` as a tuple of length 1, to be used if the report names no effect.
 
-    This effect takes the place of the named effects if the report names none. The tuple is empty if no effect is
-    confounded with another one, or if the report does not contain the fitted model of the first such effect.
+    confounded: for each effect of the report that is confounded with others, the names of these others. The tuple is
+    empty if `confounded` is empty, or if the report does not contain the fitted model of the first effect.
     """
     name = next(iter(confounded), None)
     entry = next((effect for effect in report.effects if effect.text("name") == name), None)

@@ -54,8 +54,7 @@ def mix(data, matrix):
 
 def saturate(data, counts):
     """Gradual saturation."""
-    positive = data.clamp(min=0.0)
-    return data - positive + positive * counts / (positive + counts)
+    return data * counts / (data.abs() + counts)
 
 
 def raise_to_power(data, exponent, scale):
@@ -159,7 +158,8 @@ def _write_modifiers(step: Step, taxels: IndexArray, step_s: float) -> list[str]
     if kind == "scale":
         return [_write_function("modifiers.scale", {"multiplier": step["factor"][taxels]}, name)]
     if kind == "clip":
-        return [_write_function("modifiers.clip", {"bounds": (None, float(step["counts"][taxels[0]]))}, name)]
+        limit = float(step["counts"][taxels[0]])
+        return [_write_function("modifiers.clip", {"bounds": (-limit, limit)}, name)]
     if kind == "soft":
         return [_write_function("saturate", {"counts": step["counts"][taxels]}, name)]
     if kind == "power":

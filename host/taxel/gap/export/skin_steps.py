@@ -135,10 +135,10 @@ def _mix_force(frame: Frame, parameters: Values, state: dict[Any, Any]) -> None:
 def _pillars(frame: Frame, parameters: Values, state: dict[Any, Any]) -> None:
     """Add the force that taxels gain because the depth decreases with a fixed slope around a loaded place.
 
-    The depth is force / (force + half_depth_n), as a share of the greatest depth, which decreases to 0 over `reach_m`.
-    Taxels are divided into pieces. Pieces with less than 1e-4 of the largest load reach no other piece noticeably. The
-    depth is limited to 0.97, because no finite force reaches 1. state: distances of the pieces of each board, divided
-    by `reach_m`.
+    Taxels are divided into pieces. A depth is stated as a share of the greatest depth: a force gives the depth
+    force / (force + half_depth_n). Around a loaded piece, the depth decreases linearly, by 1 over the distance
+    `reach_m`. Pieces with less than 1e-4 of the largest load reach no other piece noticeably. The depth is limited to
+    0.97, because no finite force reaches 1. state: distances of the pieces of each board, divided by `reach_m`.
     """
     force, half_n = frame.force.copy(), float(parameters["half_depth_n"])
     for number, board in enumerate(parameters["boards"]):
@@ -243,14 +243,13 @@ def _power(frame: Frame, parameters: Values, state: dict[Any, Any]) -> None:
 
 
 def _clip(frame: Frame, parameters: Values, state: dict[Any, Any]) -> None:
-    frame.signal = np.minimum(get_signal(frame), parameters["counts"])
+    frame.signal = np.clip(get_signal(frame), -parameters["counts"], parameters["counts"])
 
 
 def _soft(frame: Frame, parameters: Values, state: dict[Any, Any]) -> None:
-    """Limit positive signals x gradually to `counts` c: x c / (x + c). A limit of 1e6 counts or more does nothing."""
+    """Limit the size of signals x gradually to `counts` c: x c / (|x| + c). A limit from 1e6 counts does nothing."""
     signal, most = get_signal(frame), parameters["counts"]
-    positive = np.maximum(signal, 0.0)
-    frame.signal = np.where(most >= 1e6, signal, signal - positive + positive * most / (positive + most))
+    frame.signal = np.where(most >= 1e6, signal, signal * most / (np.abs(signal) + most))
 
 
 def _mix_signal(frame: Frame, parameters: Values, state: dict[Any, Any]) -> None:

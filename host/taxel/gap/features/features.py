@@ -197,10 +197,10 @@ class SessionMeans:
     def with_reference_variance(self, other: SessionMeans) -> SessionMeans:
         """Return these means with the variance between the sessions of a reference recording added.
 
-        The mean of the reference takes the place of a simulation. A deviation of one session of the reference from its
-        mean is added to each session. The deviations are scaled so that the variance of the mean of this recording
-        increases by the variance of the mean of the reference. The means do not change. If either recording has only
-        one session, the result is this object itself.
+        The mean of the reference takes the place of a simulation. The deviation of one session of the reference from
+        the mean of the reference is scaled and subtracted from each session of this recording. The factor is chosen
+        such that the variance of the mean of this recording increases by the variance of the mean of the reference. The
+        means do not change. If either recording has only one session, the result is this object itself.
         """
         reference_sessions, sessions = other.value.shape[1], self.value.shape[1]
         if reference_sessions < 2 or sessions < 2:

@@ -227,9 +227,9 @@ def _compute_scale(parameter: Parameter, values: FloatArray) -> FloatArray:
     """Return a typical size of each value of a parameter, f64[G] (G blocks: the hand, boards, objects or taxels); the
     numeric step is proportional to it.
 
-    The size is the distance from a neutral value of 0, otherwise the absolute value. It is at least 5 % of the span,
-    which is 10 times the largest of start value, 0.02 and a tenth of the prior's standard deviation, and at most the
-    distance between the bounds.
+    The size is the absolute value, and at least 5 % of a span. The span is 10 times the largest of three values: the
+    absolute start value, 0.02, and a tenth of the prior's standard deviation. The span is limited to the distance
+    between the bounds.
     """
     expected = 0.1 * parameter.prior if np.isfinite(parameter.prior) else 0.0
     span = min(parameter.high - parameter.low, 10.0 * max(abs(parameter.start), 0.02, expected))

@@ -138,9 +138,10 @@ def _assign_condition_folds(conditions: tuple[tuple[str, str], ...]) -> NDArray[
 def _assign_taxel_folds(pair: Pair, condition_folds: NDArray[np.intp]) -> NDArray[np.intp]:
     """Return the fold of each taxel in each condition, [C, n] (C conditions, n taxels).
 
-    A fold contains half of the taxels of a condition, like the squares of one colour of a chessboard, and the other
-    half of another condition. A fit without this fold learns the contact from the neighbours of a taxel, and a property
-    of the taxel from other conditions. condition_folds: [C], fold of each condition.
+    The taxels of a condition are divided into two halves, like the black and the white squares of a chessboard. The
+    halves belong to different folds. A fit without one fold therefore estimates the contact in a condition from the
+    neighbours of a taxel, and the properties of the taxel from other conditions. condition_folds: [C], fold of each
+    condition.
     """
     count = max(int(condition_folds.max()) + 1, 2)
     parity = (pair.taxels.tx.astype(np.intp) + pair.taxels.rx) % 2

@@ -103,8 +103,9 @@ def build_before_after_bar(axis: Axis, before: float, after: float, floor: float
 
 
 def build_prediction_bar(axis: Axis, predicted: float | None, measured: float | None, bounds: Interval | None) -> Bar:
-    """Return a diagram with a diamond at the predicted value, and a dot with its interval at the measured value. None
-    omits a part.
+    """Return a diagram with a diamond at the predicted value, and a dot with its interval at the measured value.
+
+    predicted, measured, bounds: None omits the diamond, the dot or the interval.
     """
     shapes = [Shape("line", "axis", {"x1": "0", "x2": "100%", **_at_middle()}), *_draw_whisker(axis, bounds)]
     if measured is not None:

@@ -61,7 +61,7 @@ def describe_repeated_searches(report: CheckedReport) -> list[str]:
     """Return a sentence that states how many searches without one session find the same effects as the search with all
     sessions. The list has one sentence; it is empty if no searches without a session were made.
 
-    "unknown" is not compared: it marks a remainder without an effect and is not the result of a search.
+    The cause "unknown" is not compared: it stands for an unexplained part of the gap, and a search does not return it.
     """
     searches = report.after.optional_list("chosen_inside")
     if not searches:

@@ -47,8 +47,9 @@ def label_cause(name: str) -> str:
 
 
 def build_confidence(report: CheckedReport) -> list[dict[str, Any]]:
-    """Return the variables of the line in the template of the page, for each cause: label, bar, percentage, and whether
-    the verdict names causes with this probability.
+    """Return the template variables of the line of confidence, one dictionary for each shown cause.
+
+    The variables are label, bar, percentage, and whether the verdict names causes with this probability.
     """
     axis = Axis(0.0, 1.0)
     return [

@@ -39,7 +39,8 @@ def build_effects_section(report: CheckedReport) -> SectionData | None:
 def _build_candidate_table(report: CheckedReport, effects: list[ReportValue]) -> TableData:
     """Return the table of all candidate effects, each added alone.
 
-    The bars have no numbers: these fits use all sessions, so their shrink is not that of held-out grasps.
+    The bars have no numbers, because the fits use all sessions: the shrink of the bars is in-sample, and must not be
+    compared with the shrink of held-out grasps.
     """
     intervals = [effect.optional_interval("shrink_alone_ci95") or (0.0, 0.0) for effect in effects]
     ends = [end for pair in intervals for end in pair]

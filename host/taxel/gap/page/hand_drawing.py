@@ -231,7 +231,8 @@ def _find_marks_before(report: CheckedReport) -> Marks:
 def _is_marked(entry: ReportValue) -> bool:
     """Return whether a board has a small p-value and at least `MIN_SHARE` of the excess.
 
-    The share matters because all boards have a small p-value if the noise differs.
+    The p-value alone is not sufficient: a difference of the noise between the two datasets gives all boards a small
+    p-value.
     """
     return is_small(entry.optional_number("p_value")) and entry.number("share") >= MIN_SHARE
 

@@ -59,8 +59,9 @@ def format_percent(value: float | None) -> str:
 
 
 def format_probability(value: float) -> str:
-    """Return a probability in whole per cent: < 1 %, 3 %, 97 %, > 99 %. The calibration with some hundred datasets does
-    not resolve more.
+    """Return a probability in whole per cent: < 1 %, 3 %, 97 %, > 99 %.
+
+    Decimals would have no meaning, because the probabilities are calibrated with only some hundred datasets.
     """
     if value < 0.005 or value > 0.995:
         return f"<{SPACE}1{SPACE}%" if value < 0.5 else f">{SPACE}99{SPACE}%"
@@ -93,7 +94,10 @@ def format_with_unit(value: float | None, unit: str, compared_with: float = 0.0)
 
 
 def format_interval(bounds: Interval | None, compared_with: float = 0.0) -> str:
-    """Return the bounds of an interval with the same number of decimals: "1.20 to 3.40"; a dash for None."""
+    """Return the bounds of an interval with the same number of decimals: "1.20 to 3.40"; a dash for None.
+
+    compared_with: another number of the same table, as for `format_number`.
+    """
     if bounds is None:
         return ABSENT
     largest = max(abs(compared_with), *(abs(bound) for bound in bounds))

@@ -119,9 +119,12 @@ def build_parameter_entries(
 
     The label is the name of the parameter, for a value of one board "name@address", of one object "name@object".
     without_sessions: fits without each session. without_folds: fits without each fold of contacts and taxels. samples:
-    posterior samples. The variance of a value is the sum of three variances: over sessions and over folds (jackknife,
-    Tukey 1958), and of the common model error of the simulator, `COMMON_ERROR_SHARE` (for a delay also
-    `DELAY_STD_FRAMES`). The interval contains at least 95 % of the samples. Below three sessions there is no interval.
+    posterior samples.
+
+    The variance of a value is the sum of three variances: over sessions, over folds (both jackknife, Tukey 1958), and
+    of the simulator's model error that all contacts share. The standard deviation of this model error is
+    `COMMON_ERROR_SHARE` times the value; for a delay, `DELAY_STD_FRAMES` frame periods are added in quadrature. The
+    interval contains at least 95 % of the samples. Below three sessions there is no interval.
     """
     if isinstance(fitted_effect.effect, Dropout):
         return _describe_dropout(pair, fitted_effect.effect)

@@ -26,8 +26,8 @@ def describe_model(state: State, fitted_effect: FittedEffect) -> dict[str, Any]:
     """Return the field `model` of the entry of a fitted effect.
 
     Its field `until_s` is the end of the fitted data, seconds from the beginning of closing; a drift reaches its counts
-    at this time. Its field `shift_s` is the common delay of all boards relative to the simulator by the time alignment,
-    in addition to a latency.
+    at this time. Its field `shift_s` is the delay, seconds, by which the time alignment has shifted the simulation for
+    all boards together. The total delay of a board is its fitted latency plus `shift_s`.
     """
     pair, effect, values = state.pair, fitted_effect.effect, fitted_effect.values
     units = {parameter.name: parameter.unit for parameter in effect.parameters()}

@@ -211,7 +211,8 @@ def find_outliers(positions: FloatArray, probability: FloatArray, rule: OutlierF
     point with fewer than `rule.neighbours` neighbours is not an outlier.
 
     positions: positions of the taxels in all approaches of an object, f64[m, 3], metres. probability: f64[m],
-    probability that each taxel is active; a position has `GRASPS_PER_APPROACH` times this number of points.
+    probability that each taxel is active; the number of points at a position is `GRASPS_PER_APPROACH` times this
+    probability.
     """
     result = np.zeros(len(positions), bool)
     active = np.flatnonzero(probability > MIN_PROBABILITY)

@@ -108,8 +108,8 @@ def compute_attribution(fit_data: FitData, names: tuple[str, ...], held_out: Hel
         for chosen in combinations(names, size):
             squares, shrinks = [], []
             for session, fitted in enumerate(held_out.fitted_effects):
-                # A search without this session (--nested) can select other effects than `names`. They act only in the
-                # complete set, so that its gap is the evaluated one.
+                # A search without this session (--nested) can select other effects than `names`. The other effects are
+                # added only to the complete set: the gap of this set then equals the gap that `held_out` states.
                 is_complete = size == len(names) > 0
                 composite = CompositeModel.from_effects(
                     [one for one in fitted if is_complete or one.effect.name in chosen]

@@ -92,7 +92,7 @@ class Reports:
     def read_angles(self, now_s: float) -> JointReading:
         """Return the latest angles at `now_s` seconds.
 
-        This starts the next reading, which is complete when all fingers have reported again.
+        The call also starts the next reading. A reading is complete if all fingers have reported since it started.
         """
         is_complete = len(self._reported_fingers) == len(FINGERS)
         self._reported_fingers.clear()

@@ -133,8 +133,8 @@ def convert(
 ) -> ConversionResult:
     """Write the recording `source` as `target`, in the format of the target's name, with constant memory.
 
-    joint_position: angles of the hand's robot, radians [j], or measured angles over time; None: the measured angles of
-    every frame that the source contains, else its constant angles, else 0.
+    hand, grasp: as for `open_recording`. joint_position: angles of the hand's robot, radians [j], or measured angles
+    over time; None: the measured angles of every frame that the source contains, else its constant angles, else 0.
     options: grasp properties for a grasp dataset and for the active taxels in CSV. progress: called with the converted
     seconds. A truncated source is converted up to the truncation; then its `CaptureError` is raised. Raises TaxelError
     if the target exists and `overwrite` is False.

@@ -148,7 +148,8 @@ class CsvSink:
 def open_csv(path: Path) -> FramesLink:
     """Open a recording in a folder of CSV files as a link.
 
-    Raises RecordingFormatError for the first error: here for the header, and while frames are read for a row.
+    Raises RecordingFormatError for an error in the header. The link raises it for the first malformed row, when this
+    row is read.
     """
     header_file = path / HEADER_FILE
     try:

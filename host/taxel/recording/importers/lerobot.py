@@ -25,9 +25,9 @@ def make_lerobot_mapping(
 ) -> Mapping:
     """Return the mapping that imports a LeRobot dataset. Raises DatasetError for an unknown column.
 
-    column: feature with the values of the taxels. source: "real" or "sim". components: numbers of each taxel, 1 or 3.
-    elements: first and last element of the feature that are used; None: all. labels: labels of all contacts; without an
-    object, the description of the task is the object.
+    column: feature with the values of the taxels. source: "real" or "sim". components: number of values of each taxel,
+    1 or 3. elements: first and last element of the feature that are used; None: all. labels: labels of all contacts; if
+    they contain no object, the description of the task is the label of the object.
     """
     opened = open_source(folder)
     opened.find(column)

@@ -115,7 +115,8 @@ def _find_properties(sensors: Sequence[TactileSensor], is_vector: bool) -> Prope
 def read_model(path: Path) -> list[TactileSensor]:
     """Return the tactile sensors of a model file (XML or MJB) in the order of sensordata.
 
-    Raises DatasetError for a model that cannot be loaded or has no tactile sensor, and MissingPackageError.
+    Raises DatasetError for a model that cannot be loaded or has no tactile sensor, and MissingPackageError if the
+    package mujoco is not installed.
     """
     with optional_import("mujoco", "a MuJoCo model"):
         import mujoco

@@ -34,8 +34,8 @@ class _Guess:
     """A guess which fields contain the taxel values.
 
     lines: lines of the table [values] of the mapping. frames: number of frames. width: number of taxels. names: fields
-    with the values. shape: shape of a frame without components; empty for columns. components: numbers of each taxel.
-    is_batch: whether the first axis of the array is the contact and the second the frame.
+    with the values. shape: shape of a frame without components; empty for columns. components: number of values of each
+    taxel. is_batch: whether the first axis of the array is the contact and the second the frame.
     """
 
     lines: tuple[str, ...]

@@ -74,7 +74,8 @@ def _read_tasks(path: Path) -> dict[int, str]:
     if not table.is_file():
         return {}
     source = open_tables(table, [table], "table of tasks")
-    # pandas stores the index of the table, the text of the task, under its own name or as __index_level_0__.
+    # The text of the task is the index of the table. pandas stores an index as a column with the name of the index, or
+    # as __index_level_0__ if the index has no name.
     name = next((name for name in (TASK, "__index_level_0__") if name in source.fields), TASK)
     return dict(zip(_read_task_numbers(source), source.read(name).astype(str).tolist(), strict=True))
 

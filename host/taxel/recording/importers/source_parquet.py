@@ -117,9 +117,10 @@ def _make_loader(files: Sequence[Path], name: str) -> Any:
 
 
 def _convert_column(column: Any, location: Location) -> NDArray[Any]:
-    """Convert an Arrow column to an array [row, ...]; times become integers, nanoseconds, and booleans 0 and 1.
+    """Convert an Arrow column to an array [row, ...].
 
-    Missing strings become "". Raises DatasetError for lists of different lengths.
+    Times become integers in nanoseconds, booleans become 0 and 1, and missing strings become "". Raises DatasetError
+    for lists of different lengths.
     """
     import pyarrow
     import pyarrow.compute as compute

@@ -21,7 +21,11 @@ _METADATA = (".zarray", ".zgroup", "zarr.json")
 
 
 def open_file(path: Path) -> Source:
-    """Open a Zarr store; arrays are read on first use. Raises DatasetError, and MissingPackageError."""
+    """Open a Zarr store; arrays are read on first use.
+
+    Raises DatasetError for a damaged store and for an array above the size limit, and MissingPackageError if the
+    package zarr is not installed.
+    """
     location = Location(str(path))
     with optional_import("zarr", "a Zarr store"):
         import zarr

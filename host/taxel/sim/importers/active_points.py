@@ -43,10 +43,11 @@ def import_active(
     """Convert a CSV file of active taxels into a grasp dataset.
 
     A point belongs to the taxel whose centre is nearest for the pose of the hand at that time. Taxels that are not
-    listed are inactive. Active taxels carry a nominal force. Without a column time a grasp is one frame.
+    listed are inactive. Active taxels carry a nominal force. Without the column `time`, a grasp is one frame.
 
     Args:
-        points: CSV with `POINT_COLUMNS`; positions in the world, metres. Without a column active all points are active.
+        points: CSV with `POINT_COLUMNS`; positions in the world, metres. Without the column `active`, all points
+            are active.
         out: the dataset.
         joints: CSV of joint angles, see `hand_motion.read_joints`; exactly one of joints and poses.
         poses: CSV of poses, see `hand_motion.read_poses`.

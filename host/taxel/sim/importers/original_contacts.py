@@ -114,7 +114,8 @@ def import_original_contacts(
 
     Raw contacts activate taxels by the rule of the plug-in (`find_active`) with the threshold and the centres of
     `rules`; since the files do not name boards, a contact acts on every board. An active point belongs to the taxel
-    whose centre is within `MATCH_M`. An active taxel carries its force, or the nominal force without one.
+    with the nearest centre, which must be within `MATCH_M`. This taxel carries the force of the point, or the nominal
+    force if the force of the point is 0. Taxels that raw contacts activate carry the nominal force.
 
     Args:
         files: one file for each repeat of the grasp, all of one type.

@@ -97,9 +97,10 @@ def import_original_hardware(
 ) -> HardwareImportReport:
     """Convert the files of the original stack's hardware into a grasp dataset with source "real".
 
-    The files contain one moment of each grasp and neither raw counts nor a baseline. A grasp becomes one frame of the
-    phase hold after frames of the phase baseline; the baseline is the nominal one of the simulator's sensor, and a raw
-    count is the baseline minus the recorded difference, because the files do not contain the sign of the difference.
+    The files contain one moment of each grasp, and neither raw counts nor a baseline. A grasp becomes frames of the
+    phase baseline, followed by one frame of the phase hold. The baseline is the nominal baseline of the simulator's
+    sensor. The files contain the difference from the baseline without its sign; every difference is taken as a
+    decrease, so that a raw count is the baseline minus the recorded difference.
 
     Args:
         files: the files GRASP_active_points_coordinates_N.csv. The two other files of each grasp are beside it.
@@ -107,7 +108,7 @@ def import_original_hardware(
         object_name: grasped object, a key of `options.objects`.
         approach: name of the approach of all grasps; None: the part GRASP of the file name.
         options: common options; wrist_pose, sensor noise and seed are not used. object_poses: relative to the robot's
-            base; without an entry, `ORIGINAL_OBJECT_POSE`. baseline_frames: None: 100.
+            base; without an entry, `ORIGINAL_OBJECT_POSE`. baseline_frames: number of added baseline frames; None: 100.
 
     Raises:
         ImportDataError: the first error in a file. DatasetError: `out` cannot be written. HandGeometryError: a hand

@@ -4,9 +4,9 @@
 
 #define MOTIONS 6
 
-/* Add the force on a point of the object to the right-hand side, and its stiffness (N/m) times the time step to the
-   matrix: M f and step M K M^T with M = `motion`, the velocity of the point per unit velocity of each of the object's
-   six degrees of freedom, which begin at `first`. */
+/* Add the force f on a point of the object to the right-hand side, and its stiffness K (N/m) to the matrix. The added
+   terms are M f and step M K M^T. M is `motion`: the velocity of the point per unit velocity of each of the object's
+   six degrees of freedom. first: index of the first of these degrees of freedom. */
 void sim_add_point(struct sim_equations *equations, size_t first, const double motion[6][3], const double force[3],
                    const double stiffness[3][3])
 {

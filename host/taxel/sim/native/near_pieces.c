@@ -123,7 +123,7 @@ static void find_faces(struct sim_layer *layer, size_t board, const double *pose
             offsets[stored++] = layer->solid.offsets[face];
         }
     }
-    if (!stored && faces) { /* all pieces are far inside the solid */
+    if (!stored && faces) { /* all pieces are far inside the solid, or there are none */
         memcpy(normals, layer->solid.normals, 3 * faces * sizeof *normals);
         memcpy(offsets, layer->solid.offsets, faces * sizeof *offsets);
         stored = faces;

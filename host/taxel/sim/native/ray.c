@@ -25,7 +25,8 @@ static double project(const double *vector, const double block[3][RAY_BLOCK], si
     return vector[0] * block[0][i] + vector[1] * block[1][i] + vector[2] * block[2][i];
 }
 
-/* Complete the view of a plane, whose normal is set. distance: of the top of line i below the plane, metres. */
+/* Set slope, depth and change of depth in the view of a plane from the square of line i; the normal in `view` is set
+   already. distance: perpendicular distance of the top of line i below the plane, metres. */
 static void view_plane(const struct sim_lines *lines, size_t i, double distance, double min_slope,
                        struct sim_face *view)
 {

@@ -1,9 +1,10 @@
 """Signals of a contact predicted by the simulator's layer, at poses that are estimated from the measured signals.
 
-The nominal poses of brackets and object have errors of millimetres, and the layer is about a millimetre thick, so that
-a prediction at the nominal poses has little in common with the contact. The estimate moves the object (six numbers) and
-brings each board closer or further away (one number). Two fits follow each other: the first places the surface of the
-object at the depths that the signals imply, which converges from far away; the second compares the signals themselves.
+The nominal poses of brackets and object have errors of millimetres, and the layer is about two millimetres thick. A
+prediction at the nominal poses therefore has little in common with the contact. The estimate moves the object (six
+numbers) and brings each board closer or further away (one number). Two fits follow each other: the first places the
+surface of the object at the depths that the signals imply, which converges from far away; the second compares the
+signals themselves.
 """
 
 from __future__ import annotations

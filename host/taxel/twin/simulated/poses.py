@@ -86,7 +86,10 @@ class MeasuredPoses:
 
     @staticmethod
     def _find_angles(joints: JointHistory | FloatArray, time_s: float) -> FloatArray:
-        """Return the joint angles at a time, f64[j], radians; a live source that has become silent reports it."""
+        """Return the joint angles at a time, f64[j], radians.
+
+        For a live source that has become silent, `JointHistory.select_time` reports the silence.
+        """
         if not isinstance(joints, JointHistory):
             return joints
         joints.select_time(time_s)

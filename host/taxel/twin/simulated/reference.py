@@ -94,7 +94,11 @@ class SimulatedReference(Reference):
         return known.mean[hold], np.asarray(variance)
 
     def leave_out(self, step: Step) -> Reference:
-        """Return the reference without one of its contacts: the deviation of its condition changes."""
+        """Return the reference without the contact of a step; the mean deviation of its condition is corrected.
+
+        Without another contact of the condition, the condition is left out. The reference is returned unchanged for a
+        step without a contact that can be predicted.
+        """
         predicted = self.predictions.predict(step)
         if step.contact is None or predicted is None:
             return self
@@ -110,9 +114,9 @@ class SimulatedReference(Reference):
     def _make_expectation(self, predicted: FloatArray, condition: Condition) -> ConditionReference:
         """Return the statistics of a contact with predicted signals f64[n] in the hold phase.
 
-        The number of repeats is that at which the mean of a condition would have the same variance. The simulator
-        predicts no course of closing and release: for a condition with too few contacts the variance of these phases is
-        infinite, so that they are not compared.
+        The number of repeats in the result is the number of contacts whose mean would have the same variance as this
+        prediction; it need not be an integer. The simulator does not predict the course of closing and release. For a
+        condition with too few contacts, the variance of these phases is infinite, so that they are not compared.
         """
         mean = self.course[:, None] * predicted
         known = self.deviations.get(condition)

@@ -24,7 +24,7 @@ SAME_SIZE_M = 1e-4
 
 
 def simulate_reference(path: str | PathLike[str], reference: Reference, hand: Hand) -> SimulatedReference:
-    """Predict the contacts of a reference dataset with the simulator, and learn how far it is wrong.
+    """Predict the contacts of a reference dataset with the simulator, and learn the deviations from these predictions.
 
     path: the dataset from which `reference` was learnt. hand: its hand. The poses of the stream have to be set
     afterwards (`SimulatedReference.predictions.poses`). Raises DatasetError, and TwinInputError for another hand, a

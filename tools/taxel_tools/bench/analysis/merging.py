@@ -46,9 +46,11 @@ def _is_refuted(kind: BoardKind, short: Fault, response_faults: list[Fault]) -> 
 def merge_faults(kind: BoardKind, rest_faults: list[Fault], response_faults: list[Fault] | None) -> list[Fault]:
     """Merge the faults of a board found at rest and under indentation, in order of decreasing severity.
 
-    response_faults: None if no taxel was indented. The faults are processed in groups, the most certain measurement
-    first. A fault is omitted if faults of earlier groups explain all its taxels; faults of one group may overlap. A
-    gain fault also explains a wrong level at rest.
+    response_faults: None if no taxel was indented. A short at rest that the indentations refute is omitted. The faults
+    are processed in groups, the most certain measurement first. A fault is omitted if it repeats an earlier fault (same
+    name and place), or if faults of earlier groups explain all its taxels; faults of one group may overlap. A fault of
+    the whole board explains no taxels, and no other fault explains it, with one exception: a gain fault explains a
+    wrong level at rest ("rest level").
     """
     if response_faults is None:
         response_faults = []

@@ -226,8 +226,10 @@ def _find_impulses(residual: FloatArray, scan_s: float) -> tuple[BoolArray, floa
     """Find conversions that a short impulse disturbs, bool[t, taxels], and return the largest impulse in counts (0 if
     none).
 
-    residual: f64[t, taxels], counts without drift; scan_s: duration of a scan. An impulse covers the successive
-    conversions of about `IMPULSE_S`; their mean exceeds the noise of a single conversion.
+    residual: f64[t, taxels], counts without drift; scan_s: duration of a scan. An impulse disturbs the successive
+    conversions within about `IMPULSE_S`. The deviation of a count is its difference from the median of this, the
+    previous and the next frame. Successive conversions are disturbed if the mean of their deviations exceeds
+    `IMPULSE_LEVELS` times its usual size, the quantile `LEVEL_SHARE` over the whole record.
     """
     taxels = residual.shape[1]
     width = int(np.clip(round(IMPULSE_S / max(scan_s, 1e-4) * taxels), 1, taxels))

@@ -47,7 +47,11 @@ class SmallForces:
         )
 
     def run(self, board: BoardUnderTest, options: Options, log: PhaseLog) -> None:
-        """Apply increasing small forces to several taxels, and report the smallest force that noise does not hide."""
+        """Apply increasing small forces to several taxels, and report the smallest force that one frame can detect.
+
+        A force is detectable if its mean signal exceeds `SIGMAS` standard deviations of the noise of one frame.
+        "visible" is this force by extrapolation, "seen" the smallest tested force from which on all are detectable.
+        """
         diameter_m, count, frames = self._take_options(options)
         options.refuse_unknown_keys()
         forces = np.array(FORCES_N)

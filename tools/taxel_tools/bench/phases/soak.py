@@ -49,7 +49,8 @@ class SoakLog:
     def add_clock(self, time_s: float, clock_us: int) -> None:
         """Record a reading of the board's clock, microseconds modulo 2^32, at the host time `time_s`.
 
-        A restart is counted if the board's clock has advanced by another time than the host's clock.
+        A restart is counted if, since the last reading, the board's clock and the host's clock have advanced by
+        different times. The tolerance is `CLOCK_SHARE` of the elapsed host time plus `CLOCK_S`.
         """
         if self._last_clock is not None:
             elapsed_s = time_s - self._last_clock[0]

@@ -22,9 +22,16 @@ _BAND = (MIDDLE - 5, 10)  # Top and height in pixels.
 def build_axis(limit: Limit, values: Iterable[Value]) -> Axis:
     """Build the axis of a diagram that covers a limit and the measured values.
 
-    The axis extends from bound to bound with a margin at both ends. With a single bound, the axis has the width of
-    the distance from the bound to 0 or to the farthest value. For values further outside, the axis is extended by at
-    most `_STRETCH_MAX` widths; values beyond its end are drawn as arrows.
+    - No bound: the axis covers the values.
+    - Two bounds: from bound to bound, with a margin at both ends.
+    - Only an upper bound: from 0 to the bound and a margin. If the bound is not positive or a value is negative, the
+      axis begins below the bound instead, by the distance of the smallest value from the bound.
+    - Only a lower bound: from 0, or from a margin below the bound if the bound is not positive or a value is negative.
+      The axis ends above the bound, by the distance of the bound from 0 or from the largest value (the larger of the
+      two) and a margin.
+
+    For values further outside, the axis is extended by at most `_STRETCH_MAX` times this width. Values beyond the
+    extended axis are drawn as arrows.
     """
     finite = [value for value in values if isinstance(value, int | float) and math.isfinite(value)]
     least, largest = (min(finite), max(finite)) if finite else (0.0, 0.0)

@@ -72,11 +72,16 @@ def get_groups(pair: Pair, scope: str) -> NDArray[np.intp]:
 def generate_distortions(pair: Pair, layout: FeatureLayout, model: FloatArray) -> Iterator[Distortion]:
     """Generate all generic distortions, each with the columns whose linear combinations describe it.
 
-    Meaning of the names: amplitude: curve over the predicted signal; lag: delay; history: signal after the hold in
-    proportion to the hold signal; radial: wider or narrower contact area; shift: displaced contact area; common: signal
-    of all taxels; board, row, column, taxel: fixed factors and offsets of these locations, for rows (TX lines) and
-    columns (RX lines) also signal of other lines; noise; missing: missing frames. The last name stands for the drift
-    residual.
+    Meaning of the names:
+
+    - amplitude: curve over the predicted signal. lag: delay.
+    - history: signal after the hold in proportion to the hold signal.
+    - radial: wider or narrower contact area. shift: displaced contact area.
+    - common: signal of all taxels.
+    - board, row, column, taxel: fixed factors and offsets of these locations; for rows (TX lines) and columns (RX
+      lines) also signal of other lines.
+    - noise: noise features. missing: missing frames.
+    - The distortion that is generated last changes the drift residual.
 
     model: f64[C, F, n] (C conditions, F features, n taxels), features that the best set of effects predicts, counts;
     NaN where unknown.
