@@ -119,8 +119,8 @@ static inline ALWAYS_INLINE void update_tx(const struct network *network, const 
     state->tx_im[driven] += response->im[driven];
 }
 
-/* Return whether the sum of all later changes of an iteration is below the tolerance. Iterations converge by a constant
- * factor, so this sum follows from the last two changes. */
+/* Return whether an iteration may end: if its last change, or the sum of all later changes, is at most the tolerance.
+ * Iterations converge by a constant factor, so this sum follows from the last two changes. */
 static inline ALWAYS_INLINE bool is_converged(double change, double last_change, double tolerance)
 {
     const double factor = change < last_change ? change / last_change : 1.0;

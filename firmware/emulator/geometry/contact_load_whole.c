@@ -52,9 +52,11 @@ static void compute_shears(double shear[3][SHAPE_LINES], const struct load_squar
 }
 
 /* Compute forces (N) and stiffnesses (N/m) of the 16 cells of a square: pressure along the normal n of the face above
- * the cell, and shear s, which friction limits. The stiffness matrix of a cell is rate n n^T + shear_rate (I - n n^T) -
- * along s s^T; its last term removes the stiffness along the shear of a sliding cell. Cells that are not wholly below
- * one face get 0. If the grip advances, stores where each whole cell sticks after this step. */
+ * the cell, and shear s, which friction limits. The face above a cell has the area of the cell divided by `steep`, the
+ * cosine between both normals (at least COVER_STEEPEST). The stiffness matrix of a cell is rate n n^T + shear_rate (I -
+ * n n^T) - along s s^T, of which the lower triangle is stored. The last term removes the stiffness along the shear of a
+ * sliding cell. Cells that are not wholly below one face get 0. If `grip->advances` is set, stores where each whole cell
+ * sticks after this step. */
 static void compute_springs(struct square_springs *springs, const struct load_square *square,
                             const struct cover_whole *whole, const struct contact_grip *grip)
 {

@@ -127,7 +127,7 @@ class BoardKind:
         return self.pack_crossings()
 
     def pack_crossings(self) -> bytes:
-        """Return the crossing map as `crossing_bitmap` does, also for boards that run other firmware.
+        """Return the crossing map as `crossing_bitmap` does, also for boards whose firmware is not the project's.
 
         Raises ValueError for more than 256 crossings.
         """

@@ -212,9 +212,14 @@ def estimate_slow_settings(
 ) -> RestSettings:
     """Estimate the variability of counts at rest (`RestSettings`) from changes over one step and over `lag` steps.
 
-    The other arguments are those of `estimate_settings`. With R as the variance of a measured mean, the change over k
-    steps has the variance k walk + 2 R. With 1/f noise, changes of neighbouring steps alone would give a value of walk
-    that is too large over long times. The default settings are returned if no taxel has `lag` successive known changes.
+    changes: for each step f64[n], changes of the means of the taxels without the common part, counts, NaN where
+    unknown. noise: for each step f64[n], variance of the mean by the white noise of its frames. common: for each step
+    f64[s], changes that the taxels of each board have in common. lag: number of steps.
+
+    With R as the variance of a measured mean, the change over k steps has the variance k walk + 2 R. R consists of the
+    white noise, which is subtracted, and of slower noise, which the settings contain. With 1/f noise, changes of
+    neighbouring steps alone would give a value of walk that is too large over long times. The default settings are
+    returned if no taxel has `lag` successive known changes.
     """
     values = np.stack(changes)
     short = _compute_mean_square(values, 1)

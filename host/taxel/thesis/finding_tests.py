@@ -348,7 +348,10 @@ def are_shapes_identified(group: str, percent: float) -> Test:
     """
 
     def test(evidence: Evidence) -> Mapping[str, Outcome] | None:
-        """Compare the share with `percent`; None without numbers of identified shapes."""
+        """Return the outcome by object: its own percentage, and whether the percentage of all objects is sufficient.
+
+        Only identifications with all objects as candidate models are used. None without such identifications.
+        """
         counts = [count for count in evidence.shapes if count.group == group and count.models == len(evidence.results)]
         if not counts:
             return None

@@ -48,9 +48,11 @@ class ObjectClouds:
 
 
 def accumulate_clouds(real: GraspDataset, sim: GraspDataset, name: str) -> ObjectClouds:
-    """Accumulate and treat the contact clouds of an object in the real and the simulated dataset.
+    """Return the contact clouds of an object at all steps of the treatment, from the real and the simulated dataset.
 
-    name: name of the object. Raises CloudError for an object without grasps.
+    The real cloud is filtered by force and by an outlier filter. The simulated cloud is accumulated twice, without and
+    with contact propagation. The result also states how often the points that the outlier filter removes share
+    electrode lines with contacts. name: name of the object. Raises CloudError for an object without grasps.
     """
     real_cloud, sim_cloud = accumulate(real, name), accumulate(sim, name)
     for data, cloud in ((real, real_cloud), (sim, sim_cloud)):

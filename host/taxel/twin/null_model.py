@@ -64,10 +64,12 @@ NullModels = dict[str, dict[int, NullModel]]
 
 
 def fit_null_models(samples: Sequence[Estimates], level: IntArray, seed: int = 0) -> NullModels:
-    """Fit the null models of all quantities and levels to the estimates of a reference.
+    """Fit the distributions of the estimates without a fault (null models), for all quantities and levels of places.
 
-    samples: estimates of each step of the reference. level: i64[P], level of each of P places as an index in `LEVELS`.
-    seed: seed of the random selection of `USED_FOR_FIT` statistics if there are more.
+    samples: for each time step of the reference recording, the estimates of the changes at all places: pairs (estimate,
+    information) of f64[P] each, by name of the quantity. level: i64[P], level of each of P places (taxel, line, board,
+    skin) as an index in `LEVELS`. seed: seed of the random selection if a model has more than `USED_FOR_FIT` estimates.
+    Returns a model for each quantity name and level; a quantity without estimates has none.
     """
     rng = np.random.default_rng(seed)
     models: NullModels = {}

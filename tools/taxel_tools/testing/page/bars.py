@@ -22,15 +22,17 @@ _BAND = (MIDDLE - 5, 10)  # Top and height in pixels.
 def build_axis(limit: Limit, values: Iterable[Value]) -> Axis:
     """Build the axis of a diagram that covers a limit and the measured values.
 
-    - No bound: the axis covers the values.
-    - Two bounds: from bound to bound, with a margin at both ends.
-    - Only an upper bound: from 0 to the bound and a margin. If the bound is not positive or a value is negative, the
-      axis begins below the bound instead, by the distance of the smallest value from the bound.
-    - Only a lower bound: from 0, or from a margin below the bound if the bound is not positive or a value is negative.
-      The axis ends above the bound, by the distance of the bound from 0 or from the largest value (the larger of the
-      two) and a margin.
+    The permitted width is the length of the axis between bounds and start. Margins are proportional to this width.
 
-    For values further outside, the axis is extended by at most `_STRETCH_MAX` times this width. Values beyond the
+    - No bound: the axis covers the values.
+    - Two bounds: from the lower to the upper bound, with a margin at both ends.
+    - Only an upper bound: from 0 to the bound, with a margin above. If the bound is not positive, or a value is
+      negative, the axis begins as far below the bound as the smallest value is from the bound.
+    - Only a lower bound: from 0 to a point above the bound, with a margin. This point is as far above the bound as the
+      largest value is from the bound, and at least as far as the bound is from 0. If the bound is not positive, or a
+      value is negative, the axis begins at a margin below the bound instead of 0.
+
+    For values further outside, the axis is extended by at most `_STRETCH_MAX` permitted widths. Values beyond the
     extended axis are drawn as arrows.
     """
     finite = [value for value in values if isinstance(value, int | float) and math.isfinite(value)]
