@@ -190,6 +190,9 @@ class InvariantChecker:
         if self._law is None:
             return []
         depths, smallest, largest = self._law
+        # Without force and contact no taxel of a frame can be found: the other frames take no time.
+        frames = np.flatnonzero((force > MIN_FORCE_N).any(axis=1) | (separation < 0.0).any(axis=1))
+        force, separation = force[frames], separation[frames]
         nearest = self._find_nearest(separation)
         low = np.interp(-separation, depths, smallest)
         # Separations are measured at the centres only: the object may enter the corner of a taxel between the centres.
@@ -202,13 +205,13 @@ class InvariantChecker:
         return [
             _make_violation(
                 grasp,
-                frame,
-                "force without contact" if nearest[frame, taxel] > 0.0 else "force law",
+                int(frames[row]),
+                "force without contact" if nearest[row, taxel] > 0.0 else "force law",
                 taxel,
-                f"{force[frame, taxel]:.2f} N at a separation of {1e3 * separation[frame, taxel]:.2f} mm, elsewhere "
-                f"{low[frame, taxel]:.2f} to {high[frame, taxel]:.2f} N",
+                f"{force[row, taxel]:.2f} N at a separation of {1e3 * separation[row, taxel]:.2f} mm, elsewhere "
+                f"{low[row, taxel]:.2f} to {high[row, taxel]:.2f} N",
             )
-            for frame, taxel in np.argwhere(too_large | too_small).tolist()
+            for row, taxel in np.argwhere(too_large | too_small).tolist()
         ]
 
     def _learn_law(self) -> tuple[FloatArray, FloatArray, FloatArray] | None:
@@ -224,8 +227,11 @@ class InvariantChecker:
             force, separation = grasp.contact_force, grasp.separation
             if force is None or separation is None:
                 return None
+            reach_m = TAXEL_REACH_PITCHES * self._pitch_m
+            is_contact = (separation < reach_m).any(axis=1)  # in all other frames, no taxel is near the object
+            force, separation = force[is_contact], separation[is_contact]
             nearest = self._find_nearest(separation)
-            is_near = nearest < TAXEL_REACH_PITCHES * self._pitch_m
+            is_near = nearest < reach_m
             is_surrounded = self._is_surrounded(separation)
             values.append((-nearest[is_near], force[is_near], -separation[is_surrounded], force[is_surrounded]))
         if not values:

@@ -9,6 +9,7 @@ from taxel.gap.data.pair import read_pair
 from taxel.gap.data.prepare import prepare_pair
 from taxel.gap.diagnosis import diagnose
 from taxel.gap.effects.dropout_inspection import find_defects
+from taxel.gap.features.features import SessionMeans
 
 ROWS, COLUMNS = 6, 5
 BOARD = 0x20
@@ -155,3 +156,21 @@ def test_frames_lost_in_every_fourth_grasp_are_named_as_dropout_only(write_world
     report = diagnose(*write_world(tmp_path, sessions=3, repeats=1, session_std=0.1, raw_effect=FrameLoss())).report
     assert set(report["verdict"]["effects"]) <= {"dropout", "unknown"}
     assert get_dropout(report)["parameters"]["sensors"]["value"] == [BOARD]
+
+
+def test_a_dead_taxel_with_negative_signals_is_found(get_world_paths):
+    """The signals of the component of a vector taxel can have one sign only. Here all signals are negative."""
+    dead = np.arange(30).reshape(ROWS, COLUMNS)[1:4, 1:4].ravel()
+
+    def kill_taxels(force, signal_counts):
+        signal_counts = signal_counts.copy()
+        signal_counts[:, dead] = 0.0
+        return signal_counts
+
+    fit_data = prepare_pair(read_pair(*get_world_paths(effect=kill_taxels, sessions=4)))
+    bins, sign = fit_data.layout.bins, np.ones(fit_data.layout.count)
+    sign[:bins] = -1.0
+    real = fit_data.sessions
+    negative = SessionMeans(real.value * sign[:, None], real.count, real.repeat_variance)
+    found = find_defects(fit_data.state, negative, fit_data.state.mean * sign[:, None])
+    assert set(np.flatnonzero(found.dead)) == set(dead)

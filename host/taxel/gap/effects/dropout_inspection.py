@@ -122,7 +122,8 @@ def _compute_responses(
 
     - Response, f64[n]: ratio of measured to expected signal, mean over the sessions; NaN without expected signal.
     - Whether the response is significantly missing, bool[n].
-    - Largest expected signal in each condition, f64[C, n], counts.
+    - Largest magnitude of the expected signal in each condition, f64[C, n], counts. A component of a vector taxel can
+      have negative signals only.
     """
     expected = features[:, : state.layout.bins]
     weight = state.layout.weight[: state.layout.bins, None]
@@ -144,7 +145,7 @@ def _compute_responses(
     measured_power = np.einsum("cfn,cfn->n", known_weight, session_mean**2)
     expected_power = np.einsum("cfn,cfn->n", known_weight, expected**2)
     has_no_response &= measured_power < RESPONSE_RMS_SHARE**2 * expected_power
-    return mean, has_no_response, np.asarray(expected.max(axis=1))
+    return mean, has_no_response, np.asarray(np.abs(expected).max(axis=1))
 
 
 def _compute_board_medians(noise: FloatArray, sensor: NDArray[np.intp]) -> FloatArray:

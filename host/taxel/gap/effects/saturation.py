@@ -35,7 +35,7 @@ class Saturation(Effect):
         values = super().make_start_values(state)
         if "counts" not in self.priors:
             (counts,) = self.parameters()
-            largest = float(np.nan_to_num(state.mean[:, : state.layout.bins]).max(initial=0.0))
+            largest = float(np.abs(np.nan_to_num(state.mean[:, : state.layout.bins])).max(initial=0.0))
             values[:] = np.clip(START_SHARE * largest, counts.low, counts.high)
         return values
 
