@@ -1,25 +1,30 @@
 """Calibration of the comparison: evidence from worlds with known causes, and the logistic models that fit it.
 
-python tools/gap/calibrate_comparison.py --worlds 200 --seed 777 --out out/calibration --write
+python tools/gap/calibrate_comparison.py --out out/calibration --write
 
 Each world is made, compared and deleted; its evidence is a line of DIR/evidence.jsonl, so that an interrupted run
 continues. --datasets: keep the datasets, so that a calibration after a change of the comparison need not make them
-again. --stored: fit to the evidence that is stored, without further worlds. The worlds are those of `taxel gap
-benchmark` with this seed, of all families, in random order, so that the stored part of a run has all families.
+again. --stored: fit to stored evidence, without further worlds: that of --out, or else that of the packaged calibration
+(`PACKAGED`). The worlds are those of `taxel gap benchmark` with this seed, in random order, so that the stored part of
+a run has all families. The weights of the worlds give each family its share in the benchmark (`compute_weights`).
+
 Withheld effects: a world with one cause is compared twice, the second time without its effect in the catalogue. The
 cause is then unknown, and the models use the evidence of effects that resemble it. The two comparisons together count
 as one world (`WITHHELD_WEIGHT`). Withheld forms: the models are fitted to all worlds but those of some forms of causes
 (a fold of `--folds`), and the printed scores refer to the forms that were left out. --packaged: print the scores of the
 packaged calibration instead of a fit. --write: store the models fitted to all worlds in
-host/taxel/gap/calibration/calibration.json.
+host/taxel/gap/calibration/calibration.json, and the evidence in `PACKAGED`.
 """
 
 import argparse
+import gzip
 import json
 import shutil
 import sys
+from collections import Counter
+from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import asdict, replace
+from dataclasses import asdict, dataclass, replace
 from functools import partial
 from multiprocessing import get_context
 from pathlib import Path
@@ -29,7 +34,7 @@ from typing import Any
 import numpy as np
 
 from taxel.blind.benchmark.scoring import ScoredAnswer, score_answers
-from taxel.blind.benchmark.worlds import BenchmarkWorld, sample_benchmark
+from taxel.blind.benchmark.worlds import FAMILIES, SENSOR_FAMILIES, BenchmarkWorld, sample_benchmark
 from taxel.blind.hidden import UNKNOWN
 from taxel.errors import TaxelError
 from taxel.gap.calibration.calibration import (
@@ -50,14 +55,23 @@ MADE = "world.json"
 
 TARGET = Path(__file__).resolve().parents[2] / "host" / "taxel" / "gap" / "calibration" / "calibration.json"
 
+PACKAGED = Path(__file__).with_name("evidence.jsonl.gz")
+"""Evidence to which the packaged calibration was fitted: gzip, one JSON object for each world."""
+
+SENSOR_SHARE = 0.25
+"""Share of the worlds of other kinds of sensor in the weights (chosen): the skin of the project is the usual case."""
+
+EVIDENCE = "evidence.jsonl"
+"""File of the evidence in the folder of a run."""
 
 WITHHELD_FAMILY = "effect withheld"
 """Family, in the scores, of the worlds whose effect is left out of the catalogue."""
 
-WITHHELD_WEIGHT = 1.0 / 3.0
+WITHHELD_WEIGHT = 0.1
 """Weight of the comparison without the effect; the comparison of the same world with all effects has the rest of 1.
-It is the prior probability that a single cause is outside the catalogue (chosen: no statistics of real causes exist).
-A larger value names unknown causes more often, and weak causes of the catalogue less often."""
+It is the prior probability that a single cause is outside the catalogue, beyond the worlds with such causes (chosen: no
+statistics of real causes exist). A larger value names unknown causes more often, and causes of the catalogue less
+often; docs/gap-diagnosis.md states both for several values."""
 
 UNKNOWN_CAUSE = {"kind": "outside", "truth": [UNKNOWN]}
 """Kind and truth of a world whose effect is not in the catalogue."""
@@ -100,36 +114,85 @@ def collect_evidence(world: BenchmarkWorld, bases: Path, datasets: Path | None) 
             return {**world.to_json(), "error": str(error)}
 
 
-def run(
-    out: Path, count: int, seed: int, jobs: int | None, datasets: Path | None, only_stored: bool
-) -> list[dict[str, Any]]:
+@dataclass(frozen=True)
+class Sample:
+    """Worlds of a run: number of worlds of the own skin, of worlds of other kinds of sensor, and seed."""
+
+    worlds: int
+    sensor_worlds: int
+    seed: int
+
+    def list_worlds(self) -> list[BenchmarkWorld]:
+        """Return the worlds in random order; the numbers of the worlds of other sensors follow those of the skin."""
+        sensors = sample_benchmark(self.sensor_worlds, self.seed, tuple(SENSOR_FAMILIES)) if self.sensor_worlds else []
+        worlds = sample_benchmark(self.worlds, self.seed)
+        worlds += [replace(world, number=self.worlds + world.number) for world in sensors]
+        np.random.default_rng(self.seed).shuffle(worlds)
+        return worlds
+
+    def to_json(self) -> list[int]:
+        """Return the field "run" of the evidence."""
+        return [self.worlds, self.sensor_worlds, self.seed]
+
+
+def run(out: Path, sample: Sample, jobs: int | None, datasets: Path | None) -> list[dict[str, Any]]:
     """Collect the evidence of all worlds and return it; worlds that an earlier run has stored are read.
 
-    Worlds with an error, and worlds whose cause is too weak, are omitted. datasets: folder that keeps the datasets;
-    None: they are deleted. only_stored: make no further worlds.
+    datasets: folder that keeps the datasets; None: they are deleted.
     """
     out.mkdir(parents=True, exist_ok=True)
-    path = out / "evidence.jsonl"
+    path = out / EVIDENCE
     found = [json.loads(line) for line in read_complete_lines(path)]
-    if any(one["run"] != [count, seed] for one in found):
+    if any(one["run"] != sample.to_json() for one in found):
         sys.exit(f"calibrate_comparison: {path}: another seed or number of worlds; choose another --out")
     known = {one["number"] for one in found}
-    todo = [world for world in sample_benchmark(count, seed) if world.number not in known and not only_stored]
-    np.random.default_rng(seed).shuffle(todo)
+    todo = [world for world in sample.list_worlds() if world.number not in known]
     task = partial(collect_evidence, bases=(datasets or out) / "bases", datasets=datasets)
     with AppendedLines(path) as file, ProcessPoolExecutor(jobs, mp_context=get_context("spawn")) as pool:
         for number, evidence in enumerate(pool.map(task, todo), 1):
-            evidence["run"] = [count, seed]
+            evidence["run"] = sample.to_json()
             file.append(json.dumps(evidence))
             found.append(evidence)
             print(f"\r{number} of {len(todo)} worlds", end="", file=sys.stderr)
+    return found
+
+
+def read_stored(path: Path) -> list[dict[str, Any]]:
+    """Return the stored evidence of a folder with `EVIDENCE`, or of a file in the format of `PACKAGED`."""
+    if path.is_dir():
+        return [json.loads(line) for line in read_complete_lines(path / EVIDENCE)]
+    with gzip.open(path, "rt") as file:
+        return [json.loads(line) for line in file]
+
+
+def list_comparisons(found: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    """Return the usable comparisons of all worlds with their weights.
+
+    Comparisons with an error, and of worlds whose cause is too weak, are omitted. The two comparisons of a world
+    together have the weight of the world (`WITHHELD_WEIGHT`).
+    """
+    family_weights = compute_weights([one["family"] for one in found])
     compared = []
     for one in found:
         both = [one, one["without"] | {"family": WITHHELD_FAMILY}] if "without" in one else [one]
         usable = [part for part in both if "error" not in part and not _is_too_weak(part)]
-        weights = [1.0 - WITHHELD_WEIGHT, WITHHELD_WEIGHT] if len(usable) == 2 else [1.0]
-        compared += [part | {"weight": weight} for part, weight in zip(usable, weights, strict=False)]
+        shares = [1.0 - WITHHELD_WEIGHT, WITHHELD_WEIGHT] if len(usable) == 2 else [1.0]
+        weight = family_weights[one["family"]]
+        compared += [part | {"weight": share * weight} for part, share in zip(usable, shares, strict=False)]
     return compared
+
+
+def compute_weights(families: Sequence[str]) -> dict[str, float]:
+    """Return the weight of a world of each family, so that every family has its share and the mean weight is 1.
+
+    The families of the own skin have their shares of the benchmark, scaled to 1 - `SENSOR_SHARE` in all; the families
+    of other sensors have equal parts of `SENSOR_SHARE`. families: family of each world.
+    """
+    counts = Counter(families)
+    shares = {name: (1.0 - SENSOR_SHARE) * share for name, share in FAMILIES.items()}
+    shares |= dict.fromkeys(SENSOR_FAMILIES, SENSOR_SHARE / len(SENSOR_FAMILIES))
+    total = sum(shares[name] for name in counts)
+    return {name: shares[name] / total * len(families) / count for name, count in counts.items()}
 
 
 def _is_too_weak(one: dict[str, Any]) -> bool:
@@ -241,31 +304,46 @@ def _format(value: float | int | None) -> str:
 def main() -> int:
     """Collect evidence, print the scores on withheld forms and the models, and store the models with --write."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
-    parser.add_argument("--worlds", type=int, default=200)
-    parser.add_argument("--seed", type=int, default=777, help="seed of the worlds")
+    parser.add_argument("--worlds", type=int, default=240, help="number of worlds of the own skin")
+    parser.add_argument("--sensor-worlds", type=int, default=120, help="number of worlds of other kinds of sensor")
+    parser.add_argument("--seed", type=int, default=4601, help="seed of the worlds")
     parser.add_argument("--folds", type=int, default=5)
     parser.add_argument("--jobs", type=int, help="number of processes; default: one for each core")
-    parser.add_argument("--out", type=Path, required=True, help="folder of the evidence")
+    parser.add_argument("--out", type=Path, help="folder of the evidence")
     parser.add_argument("--datasets", type=Path, help="folder that keeps the datasets of the worlds")
-    parser.add_argument("--stored", action="store_true", help="use the stored evidence only")
+    parser.add_argument("--stored", action="store_true", help="use stored evidence only, of --out or as packaged")
     parser.add_argument("--packaged", action="store_true", help="print the scores of the packaged calibration; no fit")
     parser.add_argument("--write", action="store_true", help="store the fitted models")
     options = parser.parse_args()
-    evidence = run(options.out, options.worlds, options.seed, options.jobs, options.datasets, options.stored)
+    if options.out is None and not options.stored:
+        parser.error("--out: expected a folder for the evidence; or use --stored")
+    sample = Sample(options.worlds, options.sensor_worlds, options.seed)
+    found = (
+        read_stored(options.out or PACKAGED)
+        if options.stored
+        else run(options.out, sample, options.jobs, options.datasets)
+    )
+    evidence = list_comparisons(found)
     score = score_packaged(evidence) if options.packaged else score_withheld(evidence, options.folds, options.seed)
     print(f"{'':<48}" + "".join(f"{name:>26}" for name in score))
     for measure in score["all"]:
         print(f"{measure:<48}" + "".join(f"{_format(one[measure]):>26}" for one in score.values()))
     if options.packaged:
         return 0
-    calibration = fit(
-        evidence,
-        f"calibrate_comparison.py --worlds {options.worlds} --seed {options.seed}, {len(evidence)} comparisons",
-    )
+    calibration = fit(evidence, describe_source(found))
     print(json.dumps(calibration.to_json(), indent=1))
     if options.write:
         write_whole(TARGET, json.dumps(calibration.to_json(), indent=1) + "\n")
+        lines = "".join(json.dumps(one) + "\n" for one in found)
+        write_whole(PACKAGED, gzip.compress(lines.encode(), mtime=0))
     return 0
+
+
+def describe_source(found: list[dict[str, Any]]) -> str:
+    """Return the field "source" of the calibration: the command, and the number of worlds of which it has evidence."""
+    worlds, sensor_worlds, seed = found[0]["run"]
+    command = f"calibrate_comparison.py --worlds {worlds} --sensor-worlds {sensor_worlds} --seed {seed}"
+    return f"{command}, evidence of {len(found)} worlds"
 
 
 if __name__ == "__main__":

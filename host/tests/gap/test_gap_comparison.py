@@ -12,6 +12,7 @@ from taxel.gap.calibration.calibration import NO_GAP, UNKNOWN, Calibration, Logi
 from taxel.gap.comparison.candidates import CandidateSearch, find_uncertain_change
 from taxel.gap.comparison.compare import compare
 from taxel.gap.comparison.density import CERTAIN, BlockDensity, UncertainChange, fit_density
+from taxel.gap.comparison.evidence import EffectEvidence, RemainderEvidence
 from taxel.gap.comparison.held_out import predict_held_out
 from taxel.gap.comparison.load_trend import compute_load_trend
 from taxel.gap.comparison.settings import DEFAULT_SETTINGS
@@ -172,15 +173,22 @@ def test_a_statement_of_weight_2_counts_as_two_statements():
 
 
 def test_the_packaged_calibration_gives_strong_evidence_a_larger_probability_than_weak_evidence():
-    effect = load_calibration().effect
-    remainder = np.array([0.0, 0.0, 0.0, -1.0, -1.0, 1.0])
-    # Inputs of EffectEvidence.to_inputs: log odds of the weight, gain, size, share, size below a cause, parameters.
-    weak_evidence, strong_evidence = [-4.0, 0.0, -2.0, -2.0, -1.3, 1.0], [6.0, 4.0, 1.5, 0.0, 0.0, 1.0]
-    weak, strong = (
-        effect.predict(combine_inputs(np.array(inputs), remainder)) for inputs in (weak_evidence, strong_evidence)
+    """The probability is that of an effect to be a cause, without other evidence of an unknown cause."""
+    remainder = RemainderEvidence(
+        before=1.0, after=1.0, deviation=1.0, common=0.4, gain=1.7, size=0.4, whole=5.0, blocks=20
     )
-    assert weak < 0.1
-    assert strong > 0.6
+    weak = EffectEvidence(
+        weight=0.02, gain=0.0, size=0.13, share=0.13, parameters=3, sessions=0.0, amplitude=0.0, blocks=20
+    )
+    strong = EffectEvidence(
+        weight=0.999, gain=50.0, size=4.5, share=1.0, parameters=3, sessions=10.0, amplitude=1.0, blocks=20
+    )
+    weak_probability, strong_probability = (
+        load_calibration().effect.predict(combine_inputs(one.to_inputs(), remainder.to_inputs()))
+        for one in (weak, strong)
+    )
+    assert weak_probability < 0.1
+    assert strong_probability > 0.6
 
 
 @pytest.mark.parametrize(("effect", "name"), [(stiffen, "stiffness"), (delay_second_board, "latency")])
@@ -204,14 +212,14 @@ def make_constant(probability: float, inputs: int) -> Logistic:
 @pytest.mark.parametrize("any_cause", [0.05, 0.6, 0.99])
 def test_probabilities_of_causes_agree_with_the_probability_of_any_cause(any_cause):
     calibration = Calibration(
-        effect=make_constant(0.3, 9),
-        unknown=make_constant(0.2, 6),
-        any_cause=make_constant(any_cause, 3),
+        effect=make_constant(0.3, 10),
+        unknown=make_constant(0.2, 7),
+        any_cause=make_constant(any_cause, 4),
         not_compared=0.01,
         source="a test",
     )
     # There is evidence for noise only, so latency has the probability `not_compared`.
-    found = calibration.compute_probabilities({"noise": np.full(6, 5.0)}, np.zeros(6), ["noise", "latency"])
+    found = calibration.compute_probabilities({"noise": np.full(8, 5.0)}, np.zeros(7), ["noise", "latency"])
     causes = [found[name] for name in ("noise", "latency", UNKNOWN)]
     independent = 1.0 - (1.0 - 0.3) * (1.0 - 0.01) * (1.0 - 0.2)  # at least one cause, if they were independent
     assert causes == pytest.approx([any_cause * one / independent for one in (0.3, 0.01, 0.2)])

@@ -119,8 +119,8 @@ class Calibration:
     ) -> dict[str, float]:
         """Compute the probability of every effect that was tried, of an unknown cause and of no gap.
 
-        effects: inputs of each effect with evidence, f64[6] (`EffectEvidence.to_inputs`; element 2 is the logarithm of
-        the effect's gap divided by the floor). remainder: f64[6] (`RemainderEvidence.to_inputs`). tried: names of the
+        effects: inputs of each effect with evidence, f64[8] (`EffectEvidence.to_inputs`; element 2 is the logarithm of
+        the effect's gap divided by the floor). remainder: f64[7] (`RemainderEvidence.to_inputs`). tried: names of the
         effects.
 
         The model of each cause predicts its probability p independently of the other causes. Independent causes would
@@ -147,7 +147,7 @@ class Calibration:
         """Compute the log odds of every effect that was tried and of an unknown cause, f64[len(tried) + 1], in this
         order.
 
-        effects: inputs of each effect with evidence, f64[6]. remainder: inputs f64[6]. tried: names of the effects.
+        effects: inputs of each effect with evidence, f64[8]. remainder: inputs f64[7]. tried: names of the effects.
         Each cause is evaluated independently of the others.
         """
         probabilities = [
@@ -168,23 +168,23 @@ class Calibration:
 
 
 def combine_inputs(effect: FloatArray, remainder: FloatArray) -> FloatArray:
-    """Return the inputs of `Calibration.effect`, f64[9].
+    """Return the inputs of `Calibration.effect`, f64[10].
 
-    They are the inputs of the effect, f64[6], and three inputs of the remainder, f64[6]: deviation, size and gain. An
-    effect is less certain if the remainder of the best set is large.
+    They are the inputs of the effect, f64[8], and two inputs of the remainder, f64[7]: size and gain. An effect is less
+    certain if the remainder of the best set is large.
     """
-    return np.concatenate([effect, remainder[[2, 4, 5]]])
+    return np.concatenate([effect, remainder[[4, 5]]])
 
 
 def compute_any_inputs(effects: Mapping[str, FloatArray], remainder: FloatArray) -> FloatArray:
-    """Return the inputs of `Calibration.any_cause`, f64[3].
+    """Return the inputs of `Calibration.any_cause`, f64[4].
 
-    They are the logarithm of the ratio of gap to floor, the largest gain of an effect (0 without effects), and the
-    positive part of this logarithm. effects: inputs f64[6] of each effect; element 1 is the gain. remainder: inputs
-    f64[6]; element 0 is the logarithm.
+    They are the logarithm of the ratio of gap to floor, the largest gain of an effect (0 without effects), the positive
+    part of this logarithm, and the evidence for a difference from the sessions. effects: inputs f64[8] of each effect;
+    element 1 is the gain. remainder: inputs f64[7]; element 0 is the logarithm, element 6 the evidence.
     """
     gain = max((values[1] for values in effects.values()), default=0.0)
-    return np.array([remainder[0], gain, max(float(remainder[0]), 0.0)])
+    return np.array([remainder[0], gain, max(float(remainder[0]), 0.0), remainder[6]])
 
 
 @cache

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from taxel.gap.comparison.consistency import list_targets_without_sessions
 from taxel.gap.comparison.density import CERTAIN, BlockDensity, UncertainChange, fit_density
 from taxel.gap.comparison.held_out import HeldOutPrediction, predict_held_out
 from taxel.gap.comparison.load_trend import compute_load_trend
@@ -47,6 +48,24 @@ class Candidate:
     def value(self) -> float:
         """Held-out log density plus log prior."""
         return float(self.held_out.sum()) + self.log_prior
+
+    def predict_sessions(self, fit_data: FitData) -> list[FloatArray]:
+        """Predict the features for each session by the fit without this session, f64[C, F, n] (C conditions, F
+        features, n taxels), counts. Without fitted parameters all predictions are equal.
+
+        The parameters of these fits are one linearised step away from those of the fit to all sessions. A step that
+        does not reduce the cost of the other sessions is outside the range of the linearisation. The prediction of the
+        fit to all sessions is then used instead.
+        """
+        composites = self.prediction.session_composites
+        if not composites:
+            return [self.features] * fit_data.sessions.value.shape[1]
+        predictions = []
+        for composite, target in zip(composites, list_targets_without_sessions(fit_data), strict=True):
+            problem = replace(fit_data.build_problem(), target=target)
+            features = composite.predict_features(fit_data.state)
+            predictions.append(features if problem.cost(features) < problem.cost(self.features) else self.features)
+        return predictions
 
     @property
     def names(self) -> frozenset[str]:

@@ -9,6 +9,11 @@ import numpy as np
 
 from taxel.gap.calibration.calibration import SMALLEST_CAUSE
 from taxel.gap.comparison.candidates import Candidate, Sets
+from taxel.gap.comparison.consistency import (
+    Consistency,
+    compute_session_consistency,
+    list_targets_without_sessions,
+)
 from taxel.gap.comparison.density import BlockDensity
 from taxel.gap.comparison.remainder import predict_remainder
 from taxel.gap.effects.catalogue import INSPECTED_EFFECTS
@@ -28,6 +33,13 @@ LOADED_SHARE = 0.02
 """Share of the largest simulated signal of a board in a condition, above which a board in a condition is treated as
 loaded (chosen)."""
 
+ABSENT = Consistency(0.0, 0.0)
+"""Consistency of an effect that does not improve the held-out prediction."""
+
+FORM_ERROR = 0.05
+"""Error of the functional forms of the catalogue, relative to the gap (chosen): a form approximates a cause, so that a
+remainder of a few per cent of a large gap is no evidence for an unknown cause."""
+
 USUAL_BLOCKS = 20.0
 """Number of loaded blocks of a usual dataset (chosen). Gains in log density are scaled to this number, because small
 systematic errors of the simulator add up over the blocks of a large dataset."""
@@ -45,7 +57,10 @@ class EffectEvidence:
         share: this gap divided by the largest such gap of the effects of the same set.
         parameters: number of fitted values of the effect, 1 for an effect that is found by inspection. Many values fit
             many deviations.
-        conditions: effective number of conditions that contribute to the gain.
+        sessions: evidence for the change by the effect from its consistency over the sessions (`compute_consistency`);
+            0 for an effect that does not increase the density.
+        amplitude: amplitude of the change in sessions that the fit did not use; 1 for a correct change, less if the fit
+            follows random deviations.
         blocks: number of loaded blocks.
     """
 
@@ -54,22 +69,25 @@ class EffectEvidence:
     size: float
     share: float
     parameters: int
-    conditions: float
+    sessions: float
+    amplitude: float
     blocks: int
 
     def to_inputs(self) -> FloatArray:
-        """Return the six inputs of the calibration, f64[6].
+        """Return the eight inputs of the calibration, f64[8].
 
         They are the log odds of the weight; the logarithms of gain, size and share; the logarithm of the size relative
-        to the smallest cause, at most 0; the logarithm of the number of parameters. The gain is scaled to
-        `USUAL_BLOCKS` loaded blocks, because the gain grows with the size of the dataset.
+        to the smallest cause, at most 0; the logarithms of the number of parameters and of the evidence from the
+        sessions; the distance of the amplitude from 1, at most 1. The gain is scaled to `USUAL_BLOCKS` loaded blocks,
+        because the gain grows with the size of the dataset.
         """
         # The term 1e-3 keeps the log odds finite for the weights 0 and 1.
         odds = np.log((self.weight + 1e-3) / (1.0 - self.weight + 1e-3))
         gain = np.log1p(max(self.gain, 0.0) * USUAL_BLOCKS / max(self.blocks, 1))
         size, share = (np.log(max(value, SMALLEST_RATIO)) for value in (self.size, self.share))
         too_small = min(0.0, size - np.log(SMALLEST_CAUSE))
-        return np.array([odds, gain, size, share, too_small, np.log(max(self.parameters, 1))])
+        sessions, misfit = np.log(max(self.sessions, SMALLEST_RATIO)), min(abs(self.amplitude - 1.0), 1.0)
+        return np.array([odds, gain, size, share, too_small, np.log(max(self.parameters, 1)), sessions, misfit])
 
 
 @dataclass(frozen=True)
@@ -85,6 +103,8 @@ class RemainderEvidence:
             condition shows the remainder.
         gain: held-out log density of the generic remainder beyond the best set, minus that of the best set.
         size: gap that the generic remainder alone produces, divided by the floor.
+        whole: evidence for a difference between the real and the simulated features, from its consistency over the
+            sessions (`compute_consistency`).
         blocks: number of loaded blocks.
     """
 
@@ -94,18 +114,23 @@ class RemainderEvidence:
     common: float
     gain: float
     size: float
+    whole: float
     blocks: int
 
     def to_inputs(self) -> FloatArray:
-        """Return the six inputs of the calibration, f64[6]: logarithms of before, after, deviation, common, size and
-        gain.
+        """Return the seven inputs of the calibration, f64[7].
 
-        The first input is also an input of the probability of any cause. The gain is scaled to `USUAL_BLOCKS` loaded
-        blocks, because the gain grows with the size of the dataset.
+        They are the logarithms of before, after, deviation, common, size, gain and whole. The first and the last input
+        are inputs of the probability of any cause. After and size are divided by their resolution in floors, the root
+        of 1 + (`FORM_ERROR` * before)^2. The gain is scaled to `USUAL_BLOCKS` loaded blocks, because the gain grows
+        with the size of the dataset.
         """
-        ratios = np.array([self.before, self.after, self.deviation, self.common, self.size])
+        resolution = np.hypot(1.0, FORM_ERROR * self.before)
+        after, size = self.after / resolution, self.size / resolution
+        ratios = np.array([self.before, after, self.deviation, self.common, size])
         gain = np.log1p(max(self.gain, 0.0) * USUAL_BLOCKS / max(self.blocks, 1))
-        return np.append(np.log(np.maximum(ratios, SMALLEST_RATIO)), gain)
+        whole = np.log(max(self.whole, SMALLEST_RATIO))
+        return np.concatenate([np.log(np.maximum(ratios, SMALLEST_RATIO)), [gain, whole]])
 
 
 def collect_effects(
@@ -113,8 +138,8 @@ def collect_effects(
 ) -> dict[str, EffectEvidence]:
     """Collect the evidence for every effect that is part of a candidate set, by name.
 
-    The evidence compares the best set with the effect and the best set without it. `conditions` is the effective number
-    of conditions that contribute to the gain, (sum of gains)^2 / (sum of squares). weights: weight of each set.
+    The evidence compares the best set with the effect and the best set without it. An effect that does not increase the
+    density has no consistency. weights: weight of each set.
     """
     names = sorted({name for key in sets for name in key})
     density = {key: one.value for key, one in sets.items()}
@@ -126,17 +151,26 @@ def collect_effects(
         without = max((key for key in sets if name not in key), key=lambda key: density[key])
         sizes = {effect: compute_single_gap(fit_data, sets[best].composite, effect) for effect in best}
         share = sizes[name] / max(*sizes.values(), np.finfo(float).tiny) if len(sizes) > 1 else 1.0
-        gains = np.maximum((sets[best].held_out - sets[without].held_out).sum(axis=(1, 2)), 0.0)
+        gain = density[best] - density[without]
+        consistency = _compute_consistency(fit_data, sets[best], sets[without]) if gain > 0.0 else ABSENT
         evidence[name] = EffectEvidence(
             weight=float(sum(weights[key] for key in sets if name in key)),
-            gain=density[best] - density[without],
+            gain=gain,
             size=sizes[name] / floor,
             share=share,
             parameters=1 if name in INSPECTED_EFFECTS else sets[best].composite.get(name).values.size,
-            conditions=float(gains.sum() ** 2 / max(float((gains**2).sum()), np.finfo(float).tiny)),
+            sessions=consistency.evidence,
+            amplitude=consistency.amplitude,
             blocks=blocks,
         )
     return evidence
+
+
+def _compute_consistency(fit_data: FitData, with_effect: Candidate, without: Candidate) -> Consistency:
+    """Return the consistency over the sessions of the change from one set of effects to another."""
+    return compute_session_consistency(
+        fit_data, with_effect.predict_sessions(fit_data), without.predict_sessions(fit_data)
+    )
 
 
 def collect_remainder(fit_data: FitData, gap: Gap, best: Candidate, density: BlockDensity) -> RemainderEvidence:
@@ -154,12 +188,20 @@ def collect_remainder(fit_data: FitData, gap: Gap, best: Candidate, density: Blo
     order = np.sort(np.maximum(excess, 0.0))[::-1]
     # second largest share: small if the remainder occurs in one condition only
     common = float(order[1] / order.sum()) if len(order) > 1 and order.sum() > 0.0 else 0.0
-    generic = predict_remainder(fit_data, best.features, best.prediction.features)
+    held_out = best.prediction.features
+    generic = predict_remainder(fit_data, best.features, held_out)
     compute = density.compute_log_density
-    gain = float(compute(generic).sum() - compute(best.prediction.features).sum())
-    size = _compute_size(fit_data, generic - best.prediction.features) / floor
+    gain = float(compute(generic).sum() - compute(held_out).sum())
+    targets = list_targets_without_sessions(fit_data)
     return RemainderEvidence(
-        float(before_floors), float(after_floors), deviation, common, gain, float(size), int(is_loaded.sum())
+        before=float(before_floors),
+        after=float(after_floors),
+        deviation=deviation,
+        common=common,
+        gain=gain,
+        size=_compute_size(fit_data, generic - held_out) / floor,
+        whole=compute_session_consistency(fit_data, targets, [fit_data.state.mean] * len(targets)).evidence,
+        blocks=int(is_loaded.sum()),
     )
 
 

@@ -54,14 +54,14 @@ def predict_remainder(fit_data: FitData, in_sample: FloatArray, held_out: FloatA
         full_system, full_gradient = system.sum(axis=(0, 1)), gradient.sum(axis=(0, 1))
         # The weights are 1 / variance, so that the prior precision is comparable with the information of the data.
         prior = np.eye(len(board_functions)) / COEFFICIENT_STD**2
+        functions_by_taxel = np.moveaxis(board_functions, 2, 3)  # axes p, c, n, f
+        part = np.moveaxis(result[:, :bins][:, :, board], 1, 2)
         for fold in np.unique(folds[:, board]).tolist():
             is_held_out = folds[:, board] == fold
             remaining_system = full_system - system[is_held_out].sum(axis=0) + prior
             coefficients = np.linalg.solve(remaining_system, full_gradient - gradient[is_held_out].sum(axis=0))
-            change = np.einsum("p,pcfn->cfn", coefficients, board_functions)
-            target = np.moveaxis(result[:, :bins][:, :, board], 1, 2)
-            target[is_held_out] += np.moveaxis(change, 1, 2)[is_held_out]
-            result[:, :bins, board] = np.moveaxis(target, 2, 1)
+            part[is_held_out] += np.tensordot(coefficients, functions_by_taxel[:, is_held_out], axes=1)
+        result[:, :bins, board] = np.moveaxis(part, 2, 1)
     return result
 
 

@@ -1,0 +1,57 @@
+"""Calibration of the comparison: weights of the worlds, and the packaged models."""
+
+from __future__ import annotations
+
+import pytest
+
+from taxel.blind.benchmark.worlds import FAMILIES, SENSOR_FAMILIES
+from taxel.gap.calibration.calibration import load_calibration
+
+
+@pytest.fixture
+def tool(import_tool):
+    """The program as a module."""
+    return import_tool("gap", "calibrate_comparison")
+
+
+def test_weights_give_every_family_its_share(tool):
+    """Few worlds of a family, which are slow to make, have a large weight. The mean weight is 1."""
+    families = ["indentations"] * 30 + ["grasps"] * 5 + ["resistive mat"] * 10
+    weights = tool.compute_weights(families)
+    assert sum(weights[name] for name in families) == pytest.approx(len(families))
+    indentations, grasps = 30 * weights["indentations"], 5 * weights["grasps"]
+    assert indentations / grasps == pytest.approx(FAMILIES["indentations"] / FAMILIES["grasps"])
+
+
+def test_the_own_skin_and_the_other_sensors_have_fixed_shares_of_the_weights(tool):
+    families = [*FAMILIES, *FAMILIES, *SENSOR_FAMILIES]
+    weights = tool.compute_weights(families)
+    sensors = sum(weights[name] for name in families if name in SENSOR_FAMILIES)
+    assert sensors / len(families) == pytest.approx(tool.SENSOR_SHARE)
+
+
+def test_both_comparisons_of_a_world_have_the_weight_of_one_world(tool):
+    single = {"family": "grasps", "truth": ["noise"], "gap": [9.0, 2.0, 77.0]}
+    withheld = {"family": "grasps", "truth": ["unknown"], "gap": [9.0, 2.0, 77.0]}
+    failed = {"family": "grasps", "truth": [], "error": "no grasps"}
+    compared = tool.list_comparisons([single | {"without": withheld}, single, failed])
+    assert [one["family"] for one in compared] == ["grasps", tool.WITHHELD_FAMILY, "grasps"]
+    assert compared[0]["weight"] + compared[1]["weight"] == pytest.approx(compared[2]["weight"])
+    assert compared[1]["weight"] == pytest.approx(tool.WITHHELD_WEIGHT * compared[2]["weight"])
+
+
+def test_a_single_cause_below_half_a_floor_is_no_cause(tool):
+    weak = {"family": "grasps", "truth": ["noise"], "gap": [2.1, 2.0, 0.4]}
+    assert tool.list_comparisons([weak]) == []
+
+
+def test_the_packaged_calibration_is_the_fit_to_the_packaged_evidence(tool):
+    found = tool.read_stored(tool.PACKAGED)
+    fitted = tool.fit(tool.list_comparisons(found), tool.describe_source(found))
+    packaged = load_calibration()
+    assert fitted.source == packaged.source
+    assert fitted.not_compared == pytest.approx(packaged.not_compared, abs=1e-5)
+    for name in ("effect", "unknown", "any_cause"):
+        model, expected = getattr(fitted, name), getattr(packaged, name)
+        assert model.intercept == pytest.approx(expected.intercept, abs=1e-3)
+        assert model.coefficients == pytest.approx(expected.coefficients, abs=1e-3)
