@@ -233,7 +233,7 @@ def _compute_scale(parameter: Parameter, values: FloatArray) -> FloatArray:
     """
     expected = 0.1 * parameter.prior if np.isfinite(parameter.prior) else 0.0
     span = min(parameter.high - parameter.low, 10.0 * max(abs(parameter.start), 0.02, expected))
-    return np.maximum(np.abs(values - parameter.neutral) if parameter.neutral == 0 else np.abs(values), 0.05 * span)
+    return np.maximum(np.abs(values), 0.05 * span)
 
 
 def _compute_columns(
