@@ -10,7 +10,14 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 import pytest
 
+from host.tests.gap.stiffer_layer import stiffen
+from taxel.gap.data.pair import read_pair
+from taxel.gap.data.prepare import prepare_pair
 from taxel.gap.diagnosis import diagnose
+from taxel.gap.effects.effect import HAND
+from taxel.gap.effects.stiffness import Stiffness
+from taxel.gap.fitting.composite import CompositeModel
+from taxel.gap.fitting.fit import start_effect
 from taxel.recording import (
     DatasetHeader,
     GraspDatasetWriter,
@@ -186,6 +193,18 @@ def get_world_paths(write_world, tmp_path_factory):
         return paths_of_worlds[key]
 
     return get_paths
+
+
+@pytest.fixture(scope="session")
+def fit_data(get_world_paths):
+    """Prepared pair whose hand has a stiffer layer than the simulator."""
+    return prepare_pair(read_pair(*get_world_paths(effect=stiffen)))
+
+
+@pytest.fixture(scope="session")
+def fitted(fit_data):
+    """Fit of a stiffness to `fit_data`."""
+    return fit_data.fit_in_sample(CompositeModel((start_effect(fit_data.state, Stiffness(HAND)),)))
 
 
 @pytest.fixture(scope="session")

@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from host.tests.gap.stiffer_layer import stiffen
 from taxel.gap.calibration.calibration import NO_GAP, UNKNOWN, Calibration, Logistic, combine_inputs, load_calibration
 from taxel.gap.comparison.candidates import CandidateSearch, find_uncertain_change
 from taxel.gap.comparison.compare import compare
@@ -17,7 +18,6 @@ from taxel.gap.comparison.held_out import predict_held_out
 from taxel.gap.comparison.load_trend import compute_load_trend
 from taxel.gap.comparison.settings import DEFAULT_SETTINGS
 from taxel.gap.comparison.weights import compute_set_weights
-from taxel.gap.data.pair import read_pair
 from taxel.gap.data.prepare import prepare_pair
 from taxel.gap.effects.contact_propagation import ContactPropagation
 from taxel.gap.effects.effect import BOARD, HAND, TAXEL
@@ -25,16 +25,11 @@ from taxel.gap.effects.gain_mismatch import GainMismatch
 from taxel.gap.effects.latency import Latency
 from taxel.gap.effects.stiffness import Stiffness
 from taxel.gap.fitting.composite import CompositeModel, FittedEffect
-from taxel.gap.fitting.fit import fit, start_effect
+from taxel.gap.fitting.fit import fit
 from taxel.gap.fitting.fit_data import FitData
 
 SIGNAL = 0
 """Index of the family of the signal features on the last axis of densities and deviations."""
-
-
-def stiffen(force, signal):
-    """Return the signal of a layer with 1.8 times the force at half the full scale."""
-    return 2000.0 * force / (force + 1.8 * 1.5)
 
 
 def delay_second_board(force, signal):
@@ -42,16 +37,6 @@ def delay_second_board(force, signal):
     late = signal.copy()
     late[4:, 30:] = signal[:-4, 30:]
     return late
-
-
-@pytest.fixture(scope="module")
-def fit_data(get_world_paths):
-    return prepare_pair(read_pair(*get_world_paths(effect=stiffen)))
-
-
-@pytest.fixture(scope="module")
-def fitted(fit_data):
-    return fit_data.fit_in_sample(CompositeModel((start_effect(fit_data.state, Stiffness(HAND)),)))
 
 
 def test_the_correct_effect_increases_the_density_of_every_condition(fit_data, fitted):

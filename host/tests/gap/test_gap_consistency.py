@@ -12,35 +12,16 @@ from taxel.gap.comparison.consistency import (
     NO_EVIDENCE,
     compute_consistency,
     compute_session_consistency,
-    list_targets_without_sessions,
 )
 from taxel.gap.comparison.density import BlockDensity
 from taxel.gap.comparison.held_out import predict_held_out
 from taxel.gap.comparison.settings import DEFAULT_SETTINGS
-from taxel.gap.data.pair import read_pair
-from taxel.gap.data.prepare import prepare_pair
-from taxel.gap.effects.effect import HAND, TAXEL
+from taxel.gap.effects.effect import TAXEL
 from taxel.gap.effects.gain_mismatch import GainMismatch
-from taxel.gap.effects.stiffness import Stiffness
 from taxel.gap.features.features import SessionMeans, compute_known_mean
 from taxel.gap.fitting.composite import CompositeModel
 from taxel.gap.fitting.fit import fit, start_effect
 from taxel.gap.fitting.fit_data import FitData
-
-
-def stiffen(force, signal):
-    """Return the signal of a layer with 1.8 times the force at half the full scale."""
-    return 2000.0 * force / (force + 1.8 * 1.5)
-
-
-@pytest.fixture(scope="module")
-def fit_data(get_world_paths):
-    return prepare_pair(read_pair(*get_world_paths(effect=stiffen)))
-
-
-@pytest.fixture(scope="module")
-def fitted(fit_data):
-    return fit_data.fit_in_sample(CompositeModel((start_effect(fit_data.state, Stiffness(HAND)),)))
 
 
 def make_search(fit_data: FitData) -> CandidateSearch:
@@ -74,7 +55,7 @@ def test_fewer_than_two_units_have_no_evidence(squares):
 
 
 def test_targets_without_a_session_are_means_of_the_other_sessions(fit_data):
-    targets = list_targets_without_sessions(fit_data)
+    targets = fit_data.targets_without_session
     sessions = fit_data.sessions.value.shape[1]
     assert len(targets) == sessions
     assert np.mean(targets, axis=0) == pytest.approx(fit_data.target, abs=1e-9)
@@ -84,7 +65,7 @@ def test_targets_without_a_session_are_means_of_the_other_sessions(fit_data):
 
 def test_linearised_fits_without_a_session_agree_with_refits(fit_data, fitted):
     prediction = predict_held_out(fit_data, fitted.composite, ())
-    for composite, target in zip(prediction.session_composites, list_targets_without_sessions(fit_data), strict=True):
+    for composite, target in zip(prediction.session_composites, fit_data.targets_without_session, strict=True):
         refitted = fitted
         for _ in range(3):  # a single fit ends shortly before the minimum
             refitted = fit(replace(fit_data.build_problem(), target=target), refitted.composite)

@@ -7,6 +7,7 @@ import json
 import numpy as np
 import pytest
 
+from host.tests.gap.stiffer_layer import stiffen
 from taxel.gap.diagnosis import diagnose
 from taxel.gap.effects.catalogue import OWN_EFFECTS
 from taxel.gap.errors import GapInputError
@@ -29,10 +30,6 @@ def add_crosstalk(force, signal_counts):
 
 def clip_signal(force, signal_counts):
     return np.minimum(signal_counts, 500.0)
-
-
-def stiffen(force, signal_counts):
-    return 2000.0 * force / (force + 1.5 * 1.8)
 
 
 def add_creep(force, signal_counts):

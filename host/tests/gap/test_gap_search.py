@@ -3,19 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
-import pytest
 
+from host.tests.gap.stiffer_layer import stiffen
 from host.tests.plugin_package import installed_package
-from taxel.gap.data.pair import read_pair
-from taxel.gap.data.prepare import prepare_pair
 from taxel.gap.diagnosis import diagnose
 from taxel.gap.effects.catalogue import OWN_EFFECTS
 from taxel.gap.identifiability.confounding import find_confounded_effects
 from taxel.gap.identifiability.identify import compute_similarities
-
-
-def stiffen(force, signal_counts):
-    return 2000.0 * force / (force + 1.8 * 1.5)
 
 
 def clip_signal(force, signal_counts):
@@ -27,11 +21,6 @@ def silence_first_board(raw, valid, rng):
     valid = valid.copy()
     valid[:, 0] = False
     return raw, valid
-
-
-@pytest.fixture(scope="module")
-def fit_data(get_world_paths):
-    return prepare_pair(read_pair(*get_world_paths(effect=stiffen)))
 
 
 def test_a_saturation_is_found_beside_a_silent_board(write_world, tmp_path):

@@ -10,8 +10,8 @@ from taxel.gap.calibration.calibration import load_calibration
 
 @pytest.fixture
 def tool(import_tool):
-    """The program as a module."""
-    return import_tool("gap", "calibrate_comparison")
+    """The module that stores and weights the evidence."""
+    return import_tool("gap", "calibration_evidence")
 
 
 def test_weights_give_every_family_its_share(tool):
@@ -35,7 +35,7 @@ def test_both_comparisons_of_a_world_have_the_weight_of_one_world(tool):
     withheld = {"family": "grasps", "truth": ["unknown"], "gap": [9.0, 2.0, 77.0]}
     failed = {"family": "grasps", "truth": [], "error": "no grasps"}
     compared = tool.list_comparisons([single | {"without": withheld}, single, failed])
-    assert [one["family"] for one in compared] == ["grasps", tool.WITHHELD_FAMILY, "grasps"]
+    assert [one["family"] for one in compared] == ["grasps", tool.WITHHELD_SKIN, "grasps"]
     assert compared[0]["weight"] + compared[1]["weight"] == pytest.approx(compared[2]["weight"])
     assert compared[1]["weight"] == pytest.approx(tool.WITHHELD_WEIGHT * compared[2]["weight"])
 
@@ -45,9 +45,14 @@ def test_a_single_cause_below_half_a_floor_is_no_cause(tool):
     assert tool.list_comparisons([weak]) == []
 
 
-def test_the_packaged_calibration_is_the_fit_to_the_packaged_evidence(tool):
+def test_missing_evidence_gives_one_line(tool, tmp_path):
+    with pytest.raises(SystemExit, match=r"expected stored evidence, found .*; collect it with --out"):
+        tool.read_stored(tmp_path / "absent.gz")
+
+
+def test_the_packaged_calibration_is_the_fit_to_the_packaged_evidence(tool, import_tool):
     found = tool.read_stored(tool.PACKAGED)
-    fitted = tool.fit(tool.list_comparisons(found), tool.describe_source(found))
+    fitted = import_tool("gap", "calibrate_comparison").fit(tool.list_comparisons(found), tool.describe_source(found))
     packaged = load_calibration()
     assert fitted.source == packaged.source
     assert fitted.not_compared == pytest.approx(packaged.not_compared, abs=1e-5)

@@ -8,7 +8,6 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from taxel.gap.comparison.consistency import list_targets_without_sessions
 from taxel.gap.comparison.density import CERTAIN, BlockDensity, UncertainChange, fit_density
 from taxel.gap.comparison.held_out import HeldOutPrediction, predict_held_out
 from taxel.gap.comparison.load_trend import compute_load_trend
@@ -60,9 +59,9 @@ class Candidate:
         composites = self.prediction.session_composites
         if not composites:
             return [self.features] * fit_data.sessions.value.shape[1]
-        predictions = []
-        for composite, target in zip(composites, list_targets_without_sessions(fit_data), strict=True):
-            problem = replace(fit_data.build_problem(), target=target)
+        all_sessions, predictions = fit_data.build_problem(), []
+        for composite, target in zip(composites, fit_data.targets_without_session, strict=True):
+            problem = replace(all_sessions, target=target)
             features = composite.predict_features(fit_data.state)
             predictions.append(features if problem.cost(features) < problem.cost(self.features) else self.features)
         return predictions

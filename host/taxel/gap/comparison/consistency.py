@@ -74,22 +74,3 @@ def compute_session_consistency(
         residual = np.where(is_known, sessions.value[:, session] - reference, 0.0)
         products[session], squares[session] = np.sum(weighted * residual), np.sum(weighted * change)
     return compute_consistency(products, squares)
-
-
-def list_targets_without_sessions(fit_data: FitData) -> list[FloatArray]:
-    """Return for each session the mean features of all other sessions, f64[C, F, n] (C conditions, F features, n
-    taxels), counts.
-
-    A feature that no other session has keeps its mean. With one session the list is empty.
-    """
-    sessions = fit_data.sessions
-    count = sessions.value.shape[1]
-    if count < 2:
-        return []
-    total, known = np.nan_to_num(sessions.value).sum(axis=1), sessions.is_known.sum(axis=1)
-    targets = []
-    for session in range(count):
-        others = known - sessions.is_known[:, session]
-        mean = (total - np.nan_to_num(sessions.value[:, session])) / np.maximum(others, 1)
-        targets.append(np.where(others > 0, mean, fit_data.target))
-    return targets

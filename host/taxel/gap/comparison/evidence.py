@@ -4,16 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
 from taxel.gap.calibration.calibration import SMALLEST_CAUSE
 from taxel.gap.comparison.candidates import Candidate, Sets
-from taxel.gap.comparison.consistency import (
-    Consistency,
-    compute_session_consistency,
-    list_targets_without_sessions,
-)
+from taxel.gap.comparison.consistency import Consistency, compute_session_consistency
 from taxel.gap.comparison.density import BlockDensity
 from taxel.gap.comparison.remainder import predict_remainder
 from taxel.gap.effects.catalogue import INSPECTED_EFFECTS
@@ -145,6 +142,12 @@ def collect_effects(
     density = {key: one.value for key, one in sets.items()}
     floor = max(gap.floor, SMALLEST_FLOOR)
     blocks = int(_compute_loads(fit_data)[1].sum())
+
+    @lru_cache(maxsize=2)  # one of both sets is the best set of all for most effects; a prediction is large
+    def predict_sessions(key: frozenset[str]) -> list[FloatArray]:
+        """Predict the features for each session with a set of effects, by the fit without this session."""
+        return sets[key].predict_sessions(fit_data)
+
     evidence = {}
     for name in names:
         best = max((key for key in sets if name in key), key=lambda key: density[key])
@@ -152,7 +155,9 @@ def collect_effects(
         sizes = {effect: compute_single_gap(fit_data, sets[best].composite, effect) for effect in best}
         share = sizes[name] / max(*sizes.values(), np.finfo(float).tiny) if len(sizes) > 1 else 1.0
         gain = density[best] - density[without]
-        consistency = _compute_consistency(fit_data, sets[best], sets[without]) if gain > 0.0 else ABSENT
+        consistency = ABSENT
+        if gain > 0.0:
+            consistency = compute_session_consistency(fit_data, predict_sessions(best), predict_sessions(without))
         evidence[name] = EffectEvidence(
             weight=float(sum(weights[key] for key in sets if name in key)),
             gain=gain,
@@ -164,13 +169,6 @@ def collect_effects(
             blocks=blocks,
         )
     return evidence
-
-
-def _compute_consistency(fit_data: FitData, with_effect: Candidate, without: Candidate) -> Consistency:
-    """Return the consistency over the sessions of the change from one set of effects to another."""
-    return compute_session_consistency(
-        fit_data, with_effect.predict_sessions(fit_data), without.predict_sessions(fit_data)
-    )
 
 
 def collect_remainder(fit_data: FitData, gap: Gap, best: Candidate, density: BlockDensity) -> RemainderEvidence:
@@ -192,7 +190,7 @@ def collect_remainder(fit_data: FitData, gap: Gap, best: Candidate, density: Blo
     generic = predict_remainder(fit_data, best.features, held_out)
     compute = density.compute_log_density
     gain = float(compute(generic).sum() - compute(held_out).sum())
-    targets = list_targets_without_sessions(fit_data)
+    targets = fit_data.targets_without_session
     return RemainderEvidence(
         before=float(before_floors),
         after=float(after_floors),

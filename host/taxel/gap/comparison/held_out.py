@@ -7,7 +7,6 @@ from typing import Final
 
 import numpy as np
 
-from taxel.gap.comparison.consistency import list_targets_without_sessions
 from taxel.gap.fitting.composite import CompositeModel
 from taxel.gap.fitting.equations import FitProblem, build_normal_matrix, compute_gradient
 from taxel.gap.fitting.fit import apply_step, find_free_indices, linearise
@@ -69,7 +68,7 @@ def predict_held_out(fit_data: FitData, composite: CompositeModel, fixed: tuple[
         composites.append(apply_step(composite, free, step))
     session_system = system + np.diag(ridge)
     session_composites = []
-    for target in list_targets_without_sessions(fit_data):
+    for target in fit_data.targets_without_session:
         problem = FitProblem(full_problem.state, target, full_problem.weight)
         change_of_gradient = compute_gradient(problem, linearisation.columns, full_problem.target)
         full_step = np.asarray(np.linalg.solve(session_system, change_of_gradient), np.float64)

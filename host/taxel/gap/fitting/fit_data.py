@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cached_property
 from typing import Final
 
 import numpy as np
@@ -56,6 +57,24 @@ class FitData:
         self.condition_folds = _assign_condition_folds(state.pair.conditions)
         self.taxel_folds = _assign_taxel_folds(state.pair, self.condition_folds)
         self.floor2 = sum_terms(compute_terms(real, state.mean, layout).floor2)
+
+    @cached_property
+    def targets_without_session(self) -> list[FloatArray]:
+        """For each session the mean real features of all other sessions, f64[C, F, n] (C conditions, F features, n
+        taxels), counts.
+
+        A feature that no other session has keeps its mean. With one session the list is empty.
+        """
+        value, is_known = self.sessions.value, self.sessions.is_known
+        if value.shape[1] < 2:
+            return []
+        total, number = np.nan_to_num(value).sum(axis=1), is_known.sum(axis=1)
+        targets = []
+        for session in range(value.shape[1]):
+            others = number - is_known[:, session]
+            mean = (total - np.nan_to_num(value[:, session])) / np.maximum(others, 1)
+            targets.append(np.where(others > 0, mean, self.target))
+        return targets
 
     def shift_time(self, seconds: float) -> FitData:
         """Return the same data with a simulation that is later by `seconds`."""
