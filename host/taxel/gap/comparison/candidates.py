@@ -15,7 +15,6 @@ from taxel.gap.comparison.settings import ComparisonSettings
 from taxel.gap.effects.catalogue import DROPOUT, INSPECTED_EFFECTS, Forms
 from taxel.gap.effects.dropout import Dropout
 from taxel.gap.effects.dropout_inspection import find_defects
-from taxel.gap.effects.effect import HAND
 from taxel.gap.fitting.composite import CompositeModel, FittedEffect
 from taxel.gap.fitting.fit import NO_COLUMNS, compute_columns_by_effect, start_effect
 from taxel.gap.fitting.fit_data import FitData
@@ -149,7 +148,7 @@ class CandidateSearch:
                 continue
             # The density selects the best of the possible relative errors, each of which has the same prior.
             total -= math.log(len(fitted_effect.effect.change_errors))
-            if fitted_effect.effect.scope != HAND:
+            if fitted_effect.values.shape[1] > 1:
                 total += math.log(settings.local_odds)
             trend = compute_load_trend(self._fit_data.state, fitted_effect)
             total -= 0.5 * max(trend**2 - settings.usual_deviation**2, 0.0)
@@ -185,8 +184,10 @@ class CandidateSearch:
         """Fit every further effect coarsely together with the effects of `base`.
 
         Return composite models with their log density plus log prior, largest first; for each effect and scope only the
-        best form. Forms whose fitted values have no consequence of their own (`Effect.is_idle`) are omitted.
-        The effects act on the first simulated contact of each condition.
+        best form. The forms of an effect are compared by the Akaike criterion: a fit to the same data increases the log
+        density by one for each superfluous parameter, compared with new data. Forms whose fitted values have no
+        consequence of their own (`Effect.is_idle`) are omitted. The effects act on the first simulated contact of each
+        condition.
         """
         state = self._coarse_data.state
         fixed_columns = (
@@ -216,14 +217,17 @@ class CandidateSearch:
             density = float(self._density.compute_log_density(fit.features, uncertain).sum())
             return fit.composite, density + self.compute_log_prior(fit.composite)
 
-        best: dict[tuple[str, str], tuple[CompositeModel, float]] = {}
+        best: dict[tuple[str, str], tuple[float, tuple[CompositeModel, float]]] = {}
         for fitted_effect, fitted in zip(
             start_forms, map_in_processes(self._fit_data.state, fit_one, start_forms), strict=True
         ):
             key = fitted_effect.effect.name, fitted_effect.effect.scope
-            if fitted is not None and (key not in best or fitted[1] > best[key][1]):
-                best[key] = fitted
-        return sorted(best.values(), key=lambda pair: -pair[1])
+            if fitted is None:
+                continue
+            criterion = fitted[1] - len(fitted_effect.effect.parameters())
+            if key not in best or criterion > best[key][0]:
+                best[key] = criterion, fitted
+        return sorted((fitted for _, fitted in best.values()), key=lambda pair: -pair[1])
 
     def _list_start_forms(self, name: str, base: Candidate) -> list[FittedEffect]:
         """Return the available forms of an effect with their start values.

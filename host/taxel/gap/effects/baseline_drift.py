@@ -2,25 +2,33 @@
 
 from __future__ import annotations
 
+from typing import Final
+
 import numpy as np
 
 from taxel.gap.effects.effect import Effect, Parameter
 from taxel.gap.fitting.state import Signal, State
 from taxel.types import FloatArray
 
+FROM_CLOSING: Final = "closing"
+"""Variant of a drift that begins with the closing of the hand."""
+
 
 class BaselineDrift(Effect):
     """A common drift of `slope` counts over a grasp, and a random drift with the standard deviation `scatter` counts.
 
-    The common drift increases linearly with the time since the baseline and is added to the signal. The random drift
-    differs from grasp to grasp and increases only the drift residual of unloaded taxels.
+    The common drift increases linearly with time and is added to the signal. The random drift differs from grasp to
+    grasp and increases only the drift residual of unloaded taxels.
+
+    variant "": the common drift begins in the middle of the baseline frames. `closing`: it begins with the closing of
+    the hand, for example because a warm object heats the skin.
     """
 
     name = "baseline_drift"
     order = 80
 
-    def __init__(self, scope: str = "hand") -> None:
-        self.scope = scope
+    def __init__(self, scope: str = "hand", variant: str = "") -> None:
+        self.scope, self.variant = scope, variant
 
     def own_parameters(self) -> tuple[Parameter, ...]:
         """Return the mean drift over a grasp, and its standard deviation from grasp to grasp."""
@@ -38,8 +46,8 @@ class BaselineDrift(Effect):
         if not values[0].any():
             return signal
         slope, _ = self.spread_out(state, values)
-        # The drift begins in the middle of the baseline frames, `baseline_age_s` before closing.
-        age = state.pair.baseline_age_s
+        # The middle of the baseline frames is `baseline_age_s` before closing, the time 0 of the nodes.
+        age = 0.0 if self.variant == FROM_CLOSING else state.pair.baseline_age_s
         elapsed_share = ((state.node_times_s + age) / (state.node_times_s[-1] + age))[None, :, None]
         return signal.with_signal_counts(state.to_signal_counts(signal) + slope * elapsed_share)
 

@@ -6,7 +6,7 @@ from collections.abc import Collection, Mapping, Sequence
 from functools import cache
 from types import MappingProxyType
 
-from taxel.gap.effects.baseline_drift import BaselineDrift
+from taxel.gap.effects.baseline_drift import FROM_CLOSING, BaselineDrift
 from taxel.gap.effects.contact_propagation import ContactPropagation
 from taxel.gap.effects.effect import BOARD, HAND, OBJECT, TAXEL, Effect, Prior
 from taxel.gap.effects.electrode_crosstalk import ElectrodeCrosstalk
@@ -14,14 +14,14 @@ from taxel.gap.effects.gain_mismatch import GainMismatch
 from taxel.gap.effects.hysteresis import Hysteresis
 from taxel.gap.effects.latency import Latency
 from taxel.gap.effects.noise import Noise
-from taxel.gap.effects.nonlinearity import Nonlinearity
+from taxel.gap.effects.nonlinearity import POLYNOMIAL, Nonlinearity
 from taxel.gap.effects.pillar_propagation import PillarPropagation
 from taxel.gap.effects.pose_error import PoseError
 from taxel.gap.effects.proximity import Proximity
 from taxel.gap.effects.saturation import Saturation
 from taxel.gap.effects.signal_propagation import SignalPropagation
 from taxel.gap.effects.sticking import Sticking
-from taxel.gap.effects.stiffness import Sinking, Stiffness
+from taxel.gap.effects.stiffness import CurvedStiffness, Sinking, Stiffness
 from taxel.gap.errors import GapInputError
 from taxel.gap.fitting.state import State
 from taxel.plugins import EFFECTS, PluginError, list_plugin_names, load_plugin
@@ -31,15 +31,21 @@ DROPOUT = "dropout"
 INSPECTED_EFFECTS = (DROPOUT,)
 """Names of the effects that are found by inspection; their values are not fitted."""
 
+PRESSURE_FORMS = ("kept", "added", "kept even", "added even", "kept power", "added power")
+"""Forms of contact propagation with a spread of the pressure."""
+
+SIGNAL_FORMS = ("signal", "signal added", "signal power", "signal added power")
+"""Forms of contact propagation with a spread of the signal, for a simulation without contact forces."""
+
 Forms = Mapping[str, Sequence[Effect]]
 """Forms of each effect, by name of the effect."""
 
 OWN_EFFECTS: Mapping[str, tuple[Effect, ...]] = MappingProxyType(
     {
         "contact_propagation": (
-            *(ContactPropagation(variant) for variant in ("kept", "added", "kept even", "added even")),
+            *(ContactPropagation(variant) for variant in PRESSURE_FORMS),
             PillarPropagation(),
-            *(SignalPropagation(variant) for variant in ("signal", "signal added")),
+            *(SignalPropagation(variant) for variant in SIGNAL_FORMS),
         ),
         "electrode_crosstalk": (
             ElectrodeCrosstalk("lines"),
@@ -48,11 +54,11 @@ OWN_EFFECTS: Mapping[str, tuple[Effect, ...]] = MappingProxyType(
         ),
         "noise": (Noise(HAND), Noise(BOARD)),
         "gain_mismatch": (GainMismatch(BOARD, 0.5), GainMismatch(TAXEL, 0.3)),
-        "stiffness": (Stiffness(HAND), Stiffness(BOARD), Sinking(HAND), Sinking(BOARD)),
-        "nonlinearity": (Nonlinearity(),),
-        "baseline_drift": (BaselineDrift(HAND), BaselineDrift(BOARD)),
+        "stiffness": (Stiffness(HAND), CurvedStiffness(HAND), Stiffness(BOARD), Sinking(HAND), Sinking(BOARD)),
+        "nonlinearity": (Nonlinearity(), Nonlinearity(HAND, POLYNOMIAL)),
+        "baseline_drift": tuple(BaselineDrift(scope, form) for scope in (HAND, BOARD) for form in ("", FROM_CLOSING)),
         "hysteresis": (*(Hysteresis(variant) for variant in ("drop", "gap", "force", "depth", "more")), Sticking()),
-        "saturation": (Saturation("clip"), Saturation("soft")),
+        "saturation": (Saturation("clip"), Saturation("soft"), Saturation("smooth")),
         "proximity": (Proximity("exponential"), Proximity("linear")),
         DROPOUT: (),  # found by inspection, see `taxel.gap.effects.dropout_inspection`
         "pose_error": (PoseError(OBJECT), PoseError(BOARD)),

@@ -15,6 +15,13 @@ from taxel.types import FloatArray
 EVEN_SUFFIX: Final = " even"
 """End of the name of a variant that assumes an even load on each taxel."""
 
+POWER_SUFFIX: Final = " power"
+"""End of the name of a variant whose kernel has the parameter `SHAPE`."""
+
+SHAPE: Final = Parameter("shape", "1", 0.5, 6.0, 1.0, 2.0, 1.5)
+"""Exponent of the kernel exp(-(r / spread)^shape): 1 for an exponential, 2 for a Gaussian, larger for an even spread
+within the distance `spread`. Prior chosen: kernels of soft covers are between an exponential and an even spread."""
+
 
 class ContactPropagation(Effect):
     """A share `strength` of the force of each taxel spreads to its surroundings with the kernel exp(-r / spread).
@@ -23,7 +30,8 @@ class ContactPropagation(Effect):
     the neighbouring taxel on this side.
 
     variant "kept": the net force of the board is kept. "added": the surroundings gain force and the taxel loses none,
-    as if the contact area grew. "kept even", "added even": the same with an even load on the taxel.
+    as if the contact area grew. "kept even", "added even": the same with an even load on the taxel. "kept power",
+    "added power": as "kept even" and "added even" with the kernel exp(-(r / spread)^shape).
     """
 
     name = "contact_propagation"
@@ -35,13 +43,14 @@ class ContactPropagation(Effect):
         self.variant, self.scope = variant, scope
 
     def own_parameters(self) -> tuple[Parameter, ...]:
-        """Return spread and strength."""
-        return Parameter("spread_mm", "mm", 0.3, 12.0, 2.0, 2.0), Parameter("strength", "1", 0.0, 1.0, 0.0, 0.4)
+        """Return spread and strength, and in the forms "power" the shape of the kernel."""
+        shape = (SHAPE,) if self.variant.endswith(POWER_SUFFIX) else ()
+        return Parameter("spread_mm", "mm", 0.3, 12.0, 2.0, 2.0), Parameter("strength", "1", 0.0, 1.0, 0.0, 0.4), *shape
 
     def apply(self, state: State, signal: Signal, values: FloatArray) -> Signal:
         """Return the signal with the contact forces of every board spread; `signal` itself without contact forces, or
-        if all strengths are 0. values: f64[2, G], spread in millimetres and strength of each of G blocks (the hand, or
-        each board, object or taxel).
+        if all strengths are 0. values: f64[P, G], spread in millimetres, strength and in the forms "power" the shape of
+        the kernel, of each of G blocks (the hand, or each board, object or taxel).
         """
         if not values[1].any() or signal.force is None:
             return signal
@@ -51,22 +60,22 @@ class ContactPropagation(Effect):
             spread_m, strength = 1e-3 * float(values[0, block]), float(values[1, block])
             board_force = signal.force[:, :, board.columns]
             if strength != 0.0 and board_force.any():
-                force[:, :, board.columns] = self._spread_force(state, number, board_force, spread_m, strength)
+                kernel = compute_sheet_kernel(board, spread_m, *values[2:, block].tolist())
+                force[:, :, board.columns] = self._spread_force(state, number, board_force, kernel, strength)
         return signal.with_force(force)
 
     def _spread_force(
-        self, state: State, number: int, force: FloatArray, spread_m: float, strength: float
+        self, state: State, number: int, force: FloatArray, kernel: FloatArray, strength: float
     ) -> FloatArray:
         """Return the forces of the m taxels of board `number` after the spread, f64[Q, K, m] (Q simulated contacts, K
         time nodes), newtons.
 
-        force: forces before the spread, f64[Q, K, m], newtons. spread_m: decay length of the kernel, metres. strength:
-        share of the force that spreads. In the forms "added" the taxel itself loses no force. In the forms "even" the
-        load on a taxel is even; otherwise the force spreads from the loaded pieces of the taxel.
+        force: forces before the spread, f64[Q, K, m], newtons. kernel: of `compute_sheet_kernel`. strength: share of
+        the force that spreads. In the forms "added" the taxel itself loses no force. In the forms "even" and "power"
+        the load on a taxel is even; otherwise the force spreads from the loaded pieces of the taxel.
         """
-        kernel = compute_sheet_kernel(state.pair.boards[number], spread_m)
         result = force if self.variant.startswith("added") else (1.0 - strength) * force
-        if self.variant.endswith(EVEN_SUFFIX):
+        if self.variant.endswith((EVEN_SUFFIX, POWER_SUFFIX)):
             return np.asarray(result + strength * (force @ compute_taxel_kernel(kernel, None)))
         piece_shares, result = compute_geometry(state).piece_shares, result.copy()
         for row in np.flatnonzero(force.any(axis=(1, 2))).tolist():

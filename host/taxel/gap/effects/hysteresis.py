@@ -33,8 +33,12 @@ class Hysteresis(Effect):
         self.variant, self.scope = variant, scope
 
     def own_parameters(self) -> tuple[Parameter, ...]:
-        """Return the parameters: late share and time constant in seconds."""
-        return Parameter("fraction", "1", 0.0, 1.5, 0.0, 0.2), Parameter("seconds", "s", 0.05, 100.0, 1.0, 1.0)
+        """Return the parameters: late share and time constant in seconds.
+
+        The share of a quantity is at most the whole quantity; the addition of the form `more` can be larger.
+        """
+        largest = 1.5 if self.variant == "more" else 1.0
+        return Parameter("fraction", "1", 0.0, largest, 0.0, 0.2), Parameter("seconds", "s", 0.05, 100.0, 1.0, 1.0)
 
     def find_unavailable_reason(self, state: State) -> str:
         """Return why the form is unavailable: the forms that act on the force need contact forces; otherwise ""."""

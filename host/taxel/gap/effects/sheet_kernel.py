@@ -1,4 +1,4 @@
-"""Spread of force in a cover sheet: kernel exp(-r / spread) over all pairs of pieces of a board."""
+"""Spread of force in a cover sheet: kernel exp(-(r / spread)^shape) over all pairs of pieces of a board."""
 
 from __future__ import annotations
 
@@ -46,42 +46,43 @@ class _PieceDistances:
 _shared_distances: WeakValueDictionary[bytes, _PieceDistances] = WeakValueDictionary()
 
 
-def compute_sheet_kernel(board: BoardLayout, spread_m: float) -> FloatArray:
+def compute_sheet_kernel(board: BoardLayout, spread_m: float, shape: float = 1.0) -> FloatArray:
     """Return the share of the force on each piece that reaches each taxel of the board, f64[9, m, m] (m taxels of the
     board).
 
     The axes are source piece, source taxel, target taxel; the shares of a piece add up to 1. spread_m: decay length of
-    the kernel, metres.
+    the kernel, metres. shape: exponent of the kernel, 1 for an exponential and 2 for a Gaussian kernel.
     """
     if (PIECES_PER_SIDE**2 * len(board.taxels)) ** 2 > MAX_PIECE_PAIRS:
-        kernel = _interpolate_kernel(board.distance_m, spread_m, board.pitch_m)
+        kernel = _interpolate_kernel(board.distance_m, spread_m, board.pitch_m, shape)
         return np.broadcast_to(kernel / kernel.sum(axis=-1, keepdims=True), (PIECES_PER_SIDE**2, *kernel.shape))
-    return _average_kernel(_compute_distances(board), spread_m, board.pitch_m / PIECES_PER_SIDE)
+    return _average_kernel(_compute_distances(board), spread_m, board.pitch_m / PIECES_PER_SIDE, shape)
 
 
 @lru_cache(maxsize=16)
-def _average_kernel(distances: _PieceDistances, spread_m: float, side_m: float) -> FloatArray:
+def _average_kernel(distances: _PieceDistances, spread_m: float, side_m: float, shape: float) -> FloatArray:
     """Return the kernel of `compute_sheet_kernel`, f64[9, m, m]: source piece in its taxel, source taxel, target taxel
     (m taxels of the board).
 
     A weight is the mean over the pieces of the target taxel; the weights of a source piece add up to 1. spread_m: decay
-    length of the spread, metres. side_m: side of a piece, metres. Cached: boards with equal distances share one array,
-    which is read-only.
+    length of the spread, metres. side_m: side of a piece, metres. shape: exponent of the kernel. Cached: boards with
+    equal distances share one array, which is read-only.
     """
-    kernel = _interpolate_kernel(distances.distance_m, spread_m, side_m)[distances.index].mean(axis=0)
+    kernel = _interpolate_kernel(distances.distance_m, spread_m, side_m, shape)[distances.index].mean(axis=0)
     kernel /= kernel.sum(axis=-1, keepdims=True)
     kernel.setflags(write=False)
     return np.asarray(kernel)
 
 
-def _interpolate_kernel(distance_m: FloatArray, spread_m: float, side_m: float) -> FloatArray:
-    """Return the mean of exp(-r / spread) between two squares, for each distance of their centres; 0 beyond
+def _interpolate_kernel(distance_m: FloatArray, spread_m: float, side_m: float, shape: float) -> FloatArray:
+    """Return the mean of exp(-(r / spread)^shape) between two squares, for each distance of their centres; 0 beyond
     `MAX_DISTANCE_M`.
 
-    distance_m: distances, any shape. spread_m: decay length. side_m: side of the squares. All in metres.
+    distance_m: distances, any shape. spread_m: decay length. side_m: side of the squares. All in metres. shape:
+    exponent of the kernel.
     """
     # The lengths are rounded, so that nearly equal lengths share a cached table.
-    share = np.interp(distance_m, *_tabulate_square_kernel(round(spread_m, 7), round(side_m, 6)))
+    share = np.interp(distance_m, *_tabulate_square_kernel(round(spread_m, 7), round(side_m, 6), round(shape, 6)))
     return np.asarray(np.where(distance_m < MAX_DISTANCE_M, share, 0.0))
 
 
@@ -111,8 +112,9 @@ def _compute_distances(board: BoardLayout) -> _PieceDistances:
 
 
 @lru_cache(maxsize=256)
-def _tabulate_square_kernel(spread_m: float, side_m: float) -> tuple[FloatArray, FloatArray]:
-    """Return distances, metres, and the mean of exp(-r / spread) over two squares whose centres have these distances.
+def _tabulate_square_kernel(spread_m: float, side_m: float, shape: float) -> tuple[FloatArray, FloatArray]:
+    """Return distances, metres, and the mean of exp(-(r / spread)^shape) over two squares whose centres have these
+    distances.
 
     The value is the mean of two directions: along a side of the squares, and diagonal.
     """
@@ -124,6 +126,7 @@ def _tabulate_square_kernel(spread_m: float, side_m: float) -> tuple[FloatArray,
     x, y = (grid.ravel() for grid in np.meshgrid(steps, steps))
     share = np.outer(weight, weight).ravel() / POINTS_PER_SIDE**4
     distance = np.arange(0.0, MAX_DISTANCE_M + DISTANCE_STEP_M, DISTANCE_STEP_M)
-    along = np.exp(-np.hypot(distance[:, None] + x, y) / spread_m) @ share
-    across = np.exp(-np.hypot(distance[:, None] / np.sqrt(2) + x, distance[:, None] / np.sqrt(2) + y) / spread_m)
-    return distance, 0.5 * (along + across @ share)
+    along = np.hypot(distance[:, None] + x, y)
+    across = np.hypot(distance[:, None] / np.sqrt(2) + x, distance[:, None] / np.sqrt(2) + y)
+    means = [np.exp(-((lengths / spread_m) ** shape)) @ share for lengths in (along, across)]
+    return distance, 0.5 * (means[0] + means[1])

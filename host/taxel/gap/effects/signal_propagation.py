@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import ClassVar
 
 from taxel.gap.data.missing_inputs import GEOMETRY
+from taxel.gap.effects.contact_propagation import POWER_SUFFIX, SHAPE
 from taxel.gap.effects.effect import Effect, Parameter
 from taxel.gap.effects.sheet_kernel import compute_sheet_kernel, compute_taxel_kernel
 from taxel.gap.fitting.state import Signal, State
@@ -14,7 +15,8 @@ from taxel.types import FloatArray
 class SignalPropagation(Effect):
     """A share `strength` of each taxel's signal reaches its surroundings with the kernel exp(-r / spread).
 
-    variant `signal`: the taxel loses this share. `signal added`: the taxel loses nothing.
+    variant `signal`: the taxel loses this share. `signal added`: the taxel loses nothing. `signal power`, `signal added
+    power`: the same with the kernel exp(-(r / spread)^shape).
     """
 
     name = "contact_propagation"
@@ -25,12 +27,14 @@ class SignalPropagation(Effect):
         self.variant, self.scope = variant, scope
 
     def own_parameters(self) -> tuple[Parameter, ...]:
-        """Return the parameters: spread in millimetres and strength."""
-        return Parameter("spread_mm", "mm", 0.3, 60.0, 2.0, 2.0), Parameter("strength", "1", 0.0, 1.0, 0.0, 0.3)
+        """Return spread and strength, and in the forms "power" the shape of the kernel."""
+        shape = (SHAPE,) if self.variant.endswith(POWER_SUFFIX) else ()
+        return Parameter("spread_mm", "mm", 0.3, 60.0, 2.0, 2.0), Parameter("strength", "1", 0.0, 1.0, 0.0, 0.3), *shape
 
     def make_start_values(self, state: State) -> FloatArray:
-        """Return the values at which a search starts, f64[2, G] (G blocks: the hand, boards, objects or taxels): the
-        spread is the median pitch of the boards in millimetres, limited to the bounds, unless the spread has a prior.
+        """Return the values at which a search starts, f64[P, G] (P parameters; G blocks: the hand, boards, objects or
+        taxels). The spread is the median pitch of the boards in millimetres, limited to the bounds, unless the spread
+        has a prior.
         """
         values = super().make_start_values(state)
         pitches = sorted(board.pitch_m for board in state.pair.boards)
@@ -47,15 +51,15 @@ class SignalPropagation(Effect):
         return super().find_unavailable_reason(state)
 
     def apply(self, state: State, signal: Signal, values: FloatArray) -> Signal:
-        """Return the signal after the spread; `signal` itself if the strength is 0. values: f64[2, 1], spread in
-        millimetres and strength.
+        """Return the signal after the spread; `signal` itself if the strength is 0. values: f64[P, 1], spread in
+        millimetres, strength, and in the forms "power" the shape of the kernel.
         """
         spread_m, strength = 1e-3 * float(values[0, 0]), float(values[1, 0])
         if strength == 0.0:
             return signal
         signal_counts = state.to_signal_counts(signal)
-        result = signal_counts.copy() if self.variant.endswith("added") else (1.0 - strength) * signal_counts
+        result = signal_counts.copy() if "added" in self.variant else (1.0 - strength) * signal_counts
         for board in state.pair.boards:
-            kernel = compute_taxel_kernel(compute_sheet_kernel(board, spread_m), None)
+            kernel = compute_taxel_kernel(compute_sheet_kernel(board, spread_m, *values[2:, 0].tolist()), None)
             result[:, :, board.columns] += strength * (signal_counts[:, :, board.columns] @ kernel)
         return signal.with_signal_counts(result)

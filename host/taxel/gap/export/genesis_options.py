@@ -29,6 +29,8 @@ COMMON_NOISE: Final = "Genesis samples each taxel alone: the variance is right, 
 STUCK: Final = "constant taxels keep their noise"
 NEGATIVE_DELAY: Final = "a board that precedes the simulator has a delay of 0"
 
+FORCE_LAW: Final = "the law of the force is normal_exponent and normal_stiffness: fit these to the simulator's contact"
+
 NO_OPTION: Final = {
     "late": (
         "Genesis' hysteresis overshoots and relaxes (hysteresis_strength >= 0); the diagnosed one arrives late: "
@@ -36,7 +38,8 @@ NO_OPTION: Final = {
     ),
     "clip": "KinematicTaxel has no limit of the force",
     "soft": "KinematicTaxel has no limit of the force",
-    "power": "the law of the force is normal_exponent and normal_stiffness: fit these to the simulator's contact",
+    "smooth": "KinematicTaxel has no limit of the force",
+    **dict.fromkeys(("power", "power_force", "polynomial"), FORCE_LAW),
     "proximity": "KinematicTaxel has no signal before contact",
     "pillars": "the spread depends on the depth: Genesis' kernel is linear",
     "sticks": "Genesis has no play and no logarithmic creep",

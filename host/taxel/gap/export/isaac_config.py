@@ -8,6 +8,7 @@ import numpy as np
 
 from taxel.gap.export.common import ExportSource
 from taxel.gap.export.python_module import format_tables, list_limits, round_number
+from taxel.gap.export.skin_steps import FORCE_STEPS
 from taxel.gap.export.translation import Step, Translation
 from taxel.types import FloatArray, IndexArray
 
@@ -57,9 +58,20 @@ def saturate(data, counts):
     return data * counts / (data.abs() + counts)
 
 
+def saturate_smoothly(data, counts, sharpness):
+    """Saturation with a sharpness."""
+    return data / (1.0 + (data.abs() / counts) ** sharpness) ** (1.0 / sharpness)
+
+
 def raise_to_power(data, exponent, scale):
     """Power law of the signal."""
     return data.sign() * scale * (data.abs() / scale) ** exponent
+
+
+def bend(data, quadratic, cubic, scale):
+    """Polynomial of the signal, fixed at 0 and at the full scale."""
+    level = (data.abs() / scale).clamp(max=1.0)
+    return data * (1.0 - (quadratic + cubic * level) * (1.0 - level))
 
 
 def close_gap(data, half_counts):
@@ -143,7 +155,7 @@ def _explain_missing_modifier(step: Step) -> str:
     operation of an effect (`translation.Translation.steps`); its `kind` names the operation.
     """
     kind = step["kind"]
-    if kind in ("mix_force", "pillars", "half_force", "late_force", "late_more", "late_depth"):
+    if kind in FORCE_STEPS:
         return NEEDS_FORCES
     return {"proximity": NEEDS_SEPARATION, "sticks": NEEDS_PLAY}.get(kind, "")
 
@@ -162,6 +174,12 @@ def _write_modifiers(step: Step, taxels: IndexArray, step_s: float) -> list[str]
         return [_write_function("modifiers.clip", {"bounds": (-limit, limit)}, name)]
     if kind == "soft":
         return [_write_function("saturate", {"counts": step["counts"][taxels]}, name)]
+    if kind == "smooth":
+        limits = {"counts": step["counts"][taxels], "sharpness": step["sharpness"][taxels]}
+        return [_write_function("saturate_smoothly", limits, name)]
+    if kind == "polynomial":
+        terms = {term: step[term][taxels] for term in ("quadratic", "cubic")}
+        return [_write_function("bend", {**terms, "scale": step["scale_counts"]}, name)]
     if kind == "power":
         parameters = {"exponent": step["exponent"][taxels], "scale": step["scale_counts"]}
         return [_write_function("raise_to_power", parameters, name)]

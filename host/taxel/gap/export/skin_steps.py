@@ -166,6 +166,13 @@ def _half_force(frame: Frame, parameters: Values, state: dict[Any, Any]) -> None
         frame.force_scale = frame.force_scale * parameters["factor"]
 
 
+def _power_force(frame: Frame, parameters: Values, state: dict[Any, Any]) -> None:
+    """Replace the force F by h (F / h)^exponent, with the half-scale force h; the exponent is a parameter of the step."""
+    if frame.signal is None:
+        half_n = frame.model["half_force_n"] * frame.force_scale
+        frame.force = half_n * (np.maximum(frame.force, 0.0) / half_n) ** parameters["exponent"]
+
+
 def _late_force(frame: Frame, parameters: Values, state: dict[Any, Any]) -> None:
     """Let the share `fraction` of the force follow with the time constant `seconds` (parameters of the step)."""
     frame.force = _delay_share(frame.force, frame, parameters, state)
@@ -242,6 +249,13 @@ def _power(frame: Frame, parameters: Values, state: dict[Any, Any]) -> None:
     frame.signal = np.sign(signal) * scale * (np.abs(signal) / scale) ** parameters["exponent"]
 
 
+def _polynomial(frame: Frame, parameters: Values, state: dict[Any, Any]) -> None:
+    """Change the signal x by a polynomial of u = |x| / `scale_counts`: x (1 - `quadratic` (1 - u) - `cubic` u (1 - u))."""
+    signal = get_signal(frame)
+    level = np.minimum(np.abs(signal) / parameters["scale_counts"], 1.0)
+    frame.signal = signal * (1.0 - (parameters["quadratic"] + parameters["cubic"] * level) * (1.0 - level))
+
+
 def _clip(frame: Frame, parameters: Values, state: dict[Any, Any]) -> None:
     frame.signal = np.clip(get_signal(frame), -parameters["counts"], parameters["counts"])
 
@@ -250,6 +264,15 @@ def _soft(frame: Frame, parameters: Values, state: dict[Any, Any]) -> None:
     """Limit the size of signals x gradually to `counts` c: x c / (|x| + c). A limit from 1e6 counts does nothing."""
     signal, most = get_signal(frame), parameters["counts"]
     frame.signal = np.where(most >= 1e6, signal, signal * most / (np.abs(signal) + most))
+
+
+def _smooth(frame: Frame, parameters: Values, state: dict[Any, Any]) -> None:
+    """Limit the size of signals x to `counts` c with the `sharpness` p: x / (1 + (|x| / c)^p)^(1 / p). A limit from 1e6
+    counts does nothing.
+    """
+    signal, most, sharpness = get_signal(frame), parameters["counts"], parameters["sharpness"]
+    limited = signal / (1.0 + (np.abs(signal) / most) ** sharpness) ** (1.0 / sharpness)
+    frame.signal = np.where(most >= 1e6, signal, limited)
 
 
 def _mix_signal(frame: Frame, parameters: Values, state: dict[Any, Any]) -> None:
@@ -264,12 +287,14 @@ def _mix_signal(frame: Frame, parameters: Values, state: dict[Any, Any]) -> None
 def add_drift(frame: Frame, parameters: Values, state: dict[Any, Any]) -> None:
     """Add to the signal a drift that increases linearly with time.
 
-    parameters: `slope`, counts until the time `until_s`; `deviation`, its standard deviation between grasps. state:
-    `deviate`, a standard normal random number for each taxel, equal for all taxels that drift together.
+    parameters: `slope`, counts until the time `until_s`; `deviation`, its standard deviation between grasps;
+    `from_closing`, 1 if the drift begins with the closing instead of in the baseline frames. state: `deviate`, a
+    standard normal random number for each taxel, equal for all taxels that drift together.
     """
     # The deviation was measured where only the share DRIFT_END_SHARE of the drift was reached.
     slope = parameters["slope"] + parameters["deviation"] * state["deviate"] / DRIFT_END_SHARE
-    share = (frame.since_s + frame.age_s) / (parameters["until_s"] + frame.age_s)
+    age_s = frame.age_s * (1.0 - parameters["from_closing"])
+    share = (frame.since_s + age_s) / (parameters["until_s"] + age_s)
     frame.signal = get_signal(frame) + slope * share
 
 
@@ -281,6 +306,7 @@ FORCE_STEPS = {
     "mix_force": _mix_force,
     "pillars": _pillars,
     "half_force": _half_force,
+    "power_force": _power_force,
     "late_force": _late_force,
     "late_more": _late_more,
     "late_depth": _late_depth,
@@ -295,8 +321,10 @@ STEPS = {
     "proximity": _proximity,
     "scale": _scale,
     "power": _power,
+    "polynomial": _polynomial,
     "clip": _clip,
     "soft": _soft,
+    "smooth": _smooth,
     "mix_signal": _mix_signal,
     "drift": add_drift,
     "lag": _lag,

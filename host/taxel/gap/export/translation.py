@@ -9,6 +9,7 @@ from typing import Any, Final
 
 import numpy as np
 
+from taxel.gap.effects.baseline_drift import FROM_CLOSING
 from taxel.gap.effects.dropout import Dropout
 from taxel.gap.effects.effect import BOARD
 from taxel.gap.effects.pillar_propagation import DECREASE_AT_SPREAD
@@ -146,10 +147,7 @@ def _translate_propagation(source: ExportSource, reported_effect: ReportedEffect
         raise UntranslatableError(f"the positions of the taxels are needed: {source.missing}")
     if not form.startswith("signal"):
         _require_model(source)
-    spread, strength = (
-        source.expand_values(reported_effect, "spread_mm"),
-        source.expand_values(reported_effect, "strength"),
-    )
+    spread, strength, *shape = (source.expand_values(reported_effect, name) for name in reported_effect.parameters)
     boards = []
     for layout in source.layouts:
         first = int(layout.taxels[0])
@@ -159,7 +157,8 @@ def _translate_propagation(source: ExportSource, reported_effect: ReportedEffect
             boards.append({"pieces": pieces, "reach_m": spread_m / float(DECREASE_AT_SPREAD), "strength": share})
         else:
             kept_share = 1.0 if "added" in form else 1.0 - share
-            kernel = compute_taxel_kernel(compute_sheet_kernel(layout, spread_m), None)
+            shapes = [float(values[first]) for values in shape]  # empty for an exponential kernel
+            kernel = compute_taxel_kernel(compute_sheet_kernel(layout, spread_m, *shapes), None)
             boards.append({"matrix": kept_share * np.eye(len(layout.taxels)) + share * kernel})
         boards[-1]["taxels"] = layout.taxels
     if form == "pillars":
@@ -170,11 +169,16 @@ def _translate_propagation(source: ExportSource, reported_effect: ReportedEffect
 
 
 def _translate_stiffness(source: ExportSource, reported_effect: ReportedEffect, form: str) -> list[Step]:
-    """Return the step of a stiffness; raises UntranslatableError for sinking objects, or without a sensor model."""
+    """Return the steps of a stiffness: the scale of the half force, and in the form "curved" the power of the force.
+
+    Raises UntranslatableError for sinking objects, or without a sensor model.
+    """
     if form == "sinking":
         raise UntranslatableError(SINKING)
     _require_model(source)
-    return [{"kind": "half_force", "factor": source.expand_values(reported_effect, "half_force_scale")}]
+    scale, *exponent = (source.expand_values(reported_effect, name) for name in reported_effect.parameters)
+    curve = [{"kind": "power_force", "exponent": values} for values in exponent]
+    return [{"kind": "half_force", "factor": scale}, *curve]
 
 
 def _translate_hysteresis(source: ExportSource, reported_effect: ReportedEffect, form: str) -> list[Step]:
@@ -222,18 +226,14 @@ def _translate_gain(source: ExportSource, reported_effect: ReportedEffect, form:
 
 
 def _translate_nonlinearity(source: ExportSource, reported_effect: ReportedEffect, form: str) -> list[Step]:
-    """Return the step of a power law of the signal; raises UntranslatableError without a sensor model."""
-    return [
-        {
-            "kind": "power",
-            "exponent": source.expand_values(reported_effect, "exponent"),
-            "scale_counts": _get_full_scale(source),
-        }
-    ]
+    """Return the step of another curve of the signal; raises UntranslatableError without a sensor model."""
+    values = {name: source.expand_values(reported_effect, name) for name in reported_effect.parameters}
+    return [{"kind": form or "power", **values, "scale_counts": _get_full_scale(source)}]
 
 
 def _translate_saturation(source: ExportSource, reported_effect: ReportedEffect, form: str) -> list[Step]:
-    return [{"kind": form, "counts": source.expand_values(reported_effect, "counts")}]
+    values = {name: source.expand_values(reported_effect, name) for name in reported_effect.parameters}
+    return [{"kind": form, **values}]
 
 
 def _translate_crosstalk(source: ExportSource, reported_effect: ReportedEffect, form: str) -> list[Step]:
@@ -256,8 +256,9 @@ def _translate_crosstalk(source: ExportSource, reported_effect: ReportedEffect, 
 def _translate_drift(source: ExportSource, reported_effect: ReportedEffect, form: str) -> list[Step]:
     """Return the step of a drift.
 
-    slope: drift from the beginning of closing until `until_s` (seconds), counts. deviation: standard deviation of this
-    drift between grasps (parameter `scatter` of the effect). block: taxels with the same number drift together.
+    slope: drift from its beginning until `until_s` (seconds since the beginning of closing), counts. deviation: standard
+    deviation of this drift between grasps (parameter `scatter` of the effect). block: taxels with the same number drift
+    together. from_closing: 1 if the drift begins with the closing, 0 if it begins in the baseline frames.
     """
     block = (
         np.maximum(source.map_blocks(reported_effect), 0)
@@ -266,7 +267,14 @@ def _translate_drift(source: ExportSource, reported_effect: ReportedEffect, form
     )
     slope, deviation = source.expand_values(reported_effect, "slope"), source.expand_values(reported_effect, "scatter")
     return [
-        {"kind": "drift", "slope": slope, "deviation": deviation, "block": block, "until_s": reported_effect.until_s}
+        {
+            "kind": "drift",
+            "slope": slope,
+            "deviation": deviation,
+            "block": block,
+            "until_s": reported_effect.until_s,
+            "from_closing": int(form == FROM_CLOSING),
+        }
     ]
 
 
