@@ -36,7 +36,7 @@ class ComparisonSettings:
     usual_deviation: float = 2.0
     smallest_model_error: float = 0.01
     loaded_share: float = 1e-3
-    candidates: tuple[int, int] = (6, 4)
+    candidates: tuple[int, int] = (8, 4)
     coarse_iterations: int = 4
     fit_iterations: int = 8
     largest_set: int = 4

@@ -59,7 +59,7 @@ OWN_EFFECTS: Mapping[str, tuple[Effect, ...]] = MappingProxyType(
         "baseline_drift": tuple(BaselineDrift(scope, form) for scope in (HAND, BOARD) for form in ("", FROM_CLOSING)),
         "hysteresis": (*(Hysteresis(variant) for variant in ("drop", "gap", "force", "depth", "more")), Sticking()),
         "saturation": (Saturation("clip"), Saturation("soft"), Saturation("smooth")),
-        "proximity": (Proximity("exponential"), Proximity("linear")),
+        "proximity": (Proximity("exponential"), Proximity("linear"), Proximity("power")),
         DROPOUT: (),  # found by inspection, see `taxel.gap.effects.dropout_inspection`
         "pose_error": (PoseError(OBJECT), PoseError(BOARD)),
         "latency": (Latency(BOARD), Latency(BOARD, "lag")),

@@ -233,7 +233,8 @@ def _proximity(frame: Frame, parameters: Values, state: dict[Any, Any]) -> None:
             "separation: expected the distances f64[n] in metres, found None; the effect proximity needs them"
         )
     distance = np.maximum(frame.separation, 0.0) / parameters["range_m"]
-    near = np.exp(-distance) if parameters["is_exponential"] else np.maximum(1.0 - distance, 0.0)
+    is_exponential = bool(parameters["is_exponential"])
+    near = np.exp(-(distance ** parameters["shape"])) if is_exponential else np.maximum(1.0 - distance, 0.0)
     frame.signal = get_signal(frame) + parameters["counts"] * np.where(
         frame.separation < MISSED_SEPARATION_M, near, 0.0
     )

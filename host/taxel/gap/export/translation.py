@@ -214,11 +214,9 @@ def _translate_hysteresis(source: ExportSource, reported_effect: ReportedEffect,
 
 def _translate_proximity(source: ExportSource, reported_effect: ReportedEffect, form: str) -> list[Step]:
     """Return the step of a proximity signal, with its range in metres."""
-    values = {
-        "range_m": 1e-3 * source.expand_values(reported_effect, "range_mm"),
-        "counts": source.expand_values(reported_effect, "counts"),
-    }
-    return [{"kind": "proximity", **values, "is_exponential": float(form == "exponential")}]
+    range_mm, counts, *shape = (source.expand_values(reported_effect, name) for name in reported_effect.parameters)
+    step = {"range_m": 1e-3 * range_mm, "counts": counts, "is_exponential": float(form != "linear")}
+    return [{"kind": "proximity", **step, "shape": shape[0] if shape else 1.0}]
 
 
 def _translate_gain(source: ExportSource, reported_effect: ReportedEffect, form: str) -> list[Step]:
