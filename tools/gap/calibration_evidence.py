@@ -20,12 +20,16 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
+from threadpoolctl import threadpool_limits
 
 from taxel.blind.benchmark.worlds import FAMILIES, SENSOR_FAMILIES, BenchmarkWorld, sample_benchmark
 from taxel.blind.hidden import UNKNOWN
 from taxel.errors import TaxelError
 from taxel.gap.calibration.calibration import SMALLEST_CAUSE
-from taxel.gap.comparison.compare import Comparison, compare
+from taxel.gap.comparison.compare import Comparison, compare_sets
+from taxel.gap.data.pair import read_pair
+from taxel.gap.data.prepare import prepare_pair
+from taxel.gap.effects.catalogue import choose_effects
 from taxel.output import AppendedLines, read_complete_lines, write_whole
 
 MADE = "world.json"
@@ -81,10 +85,12 @@ def collect_evidence(world: BenchmarkWorld, bases: Path, datasets: Path | None) 
                 folder.mkdir(parents=True)
                 world.make(folder / "real.h5", folder / "sim.h5", bases)
                 write_whole(folder / MADE, json.dumps(world.to_json()))
-            evidence = describe_evidence(world, compare(folder / "real.h5", folder / "sim.h5"))
-            if world.kind == "single":
-                without = compare(folder / "real.h5", folder / "sim.h5", world.truth)
-                evidence["without"] = describe_evidence(world, without) | UNKNOWN_CAUSE
+            with threadpool_limits(limits=1):  # as in `compare`; both comparisons use the same prepared data
+                data = prepare_pair(read_pair(folder / "real.h5", folder / "sim.h5"))
+                evidence = describe_evidence(world, compare_sets(data, choose_effects()))
+                if world.kind == "single":
+                    without = compare_sets(data, choose_effects(world.truth))
+                    evidence["without"] = describe_evidence(world, without) | UNKNOWN_CAUSE
             return evidence
         except TaxelError as error:
             return {**world.to_json(), "error": str(error)}

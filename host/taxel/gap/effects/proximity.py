@@ -10,7 +10,6 @@ from taxel.gap.effects.effect import Effect, Parameter
 from taxel.gap.fitting.state import Signal, State
 from taxel.types import FloatArray
 
-
 SHAPE: Final = Parameter("shape", "1", 0.5, 4.0, 1.0, 1.5, 0.7)
 """Exponent of the decrease with the distance in the form `power`. Prior chosen: the decrease of a fringe field is close
 to an exponential."""
@@ -41,8 +40,8 @@ class Proximity(Effect):
 
     def apply(self, state: State, signal: Signal, values: FloatArray) -> Signal:
         """Return the signal with the proximity signal added; `signal` itself if all counts are 0 or the separations are
-        unknown. values: f64[P, G], range in millimetres, signal in contact in counts, and in the form `power` the shape,
-        of each of G blocks (the hand, or each board, object or taxel).
+        unknown. values: f64[P, G], range in millimetres, signal in contact in counts, and in the form `power` the
+        shape, of each of G blocks (the hand, or each board, object or taxel).
         """
         if not values[1].any() or signal.separation is None:
             return signal

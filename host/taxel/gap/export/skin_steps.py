@@ -167,7 +167,7 @@ def _half_force(frame: Frame, parameters: Values, state: dict[Any, Any]) -> None
 
 
 def _power_force(frame: Frame, parameters: Values, state: dict[Any, Any]) -> None:
-    """Replace the force F by h (F / h)^exponent, with the half-scale force h; the exponent is a parameter of the step."""
+    """Replace the force F by h (F / h)^`exponent`, with the half-scale force h."""
     if frame.signal is None:
         half_n = frame.model["half_force_n"] * frame.force_scale
         frame.force = half_n * (np.maximum(frame.force, 0.0) / half_n) ** parameters["exponent"]
@@ -251,7 +251,7 @@ def _power(frame: Frame, parameters: Values, state: dict[Any, Any]) -> None:
 
 
 def _polynomial(frame: Frame, parameters: Values, state: dict[Any, Any]) -> None:
-    """Change the signal x by a polynomial of u = |x| / `scale_counts`: x (1 - `quadratic` (1 - u) - `cubic` u (1 - u))."""
+    """Multiply the signal x by 1 - `quadratic` (1 - u) - `cubic` u (1 - u), with u = |x| / `scale_counts` up to 1."""
     signal = get_signal(frame)
     level = np.minimum(np.abs(signal) / parameters["scale_counts"], 1.0)
     frame.signal = signal * (1.0 - (parameters["quadratic"] + parameters["cubic"] * level) * (1.0 - level))

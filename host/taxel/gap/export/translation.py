@@ -254,9 +254,9 @@ def _translate_crosstalk(source: ExportSource, reported_effect: ReportedEffect, 
 def _translate_drift(source: ExportSource, reported_effect: ReportedEffect, form: str) -> list[Step]:
     """Return the step of a drift.
 
-    slope: drift from its beginning until `until_s` (seconds since the beginning of closing), counts. deviation: standard
-    deviation of this drift between grasps (parameter `scatter` of the effect). block: taxels with the same number drift
-    together. from_closing: 1 if the drift begins with the closing, 0 if it begins in the baseline frames.
+    slope: drift from its beginning until `until_s` (seconds since the beginning of closing), counts. deviation:
+    standard deviation of this drift between grasps (parameter `scatter` of the effect). block: taxels with the same
+    number drift together. from_closing: 1 if the drift begins with the closing, 0 if it begins in the baseline frames.
     """
     block = (
         np.maximum(source.map_blocks(reported_effect), 0)

@@ -309,5 +309,7 @@ def _describe_outlier_filters(pair: Pair) -> str:
 
 def _describe_propagation(fitted_effect: FittedEffect) -> str:
     """Describe form and values of contact propagation."""
-    spread, strength = fitted_effect.values[:, 0]
-    return f"fitted alone: variant {fitted_effect.effect.variant}, spread {spread:.3g} mm, strength {strength:.2g}"
+    spread, strength, *shape = fitted_effect.values[:, 0].tolist()
+    kernel = "".join(f", shape {value:.2g}" for value in shape)
+    form = fitted_effect.effect.variant
+    return f"fitted alone: variant {form}, spread {spread:.3g} mm, strength {strength:.2g}{kernel}"
