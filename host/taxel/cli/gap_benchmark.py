@@ -32,6 +32,12 @@ def benchmark(
             help="Family of worlds (docs/gap-benchmark.md); repeatable. Default: those of the project's own skin.",
         ),
     ] = None,
+    reserved_forms: Annotated[
+        bool,
+        typer.Option(
+            "--reserved-forms", help="Inject causes in functional forms that no calibration of the diagnosis has used."
+        ),
+    ] = False,
     seed: Seed = 1,
     jobs: Jobs = None,
     as_json: AsJson = False,
@@ -51,7 +57,7 @@ def benchmark(
             raise TaxelError(f"--family: expected one of {known}, found '{name}'")
     console = Console(stderr=as_json, markup=False)
     with count_bar(console, "benchmark", "worlds") as show:
-        score = run_benchmark(out, worlds, seed, entries, family or tuple(FAMILIES), jobs, show)
+        score = run_benchmark(out, worlds, seed, entries, family or tuple(FAMILIES), jobs, show, reserved_forms)
     if as_json:
         print(json.dumps(score))
         return

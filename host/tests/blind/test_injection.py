@@ -9,7 +9,7 @@ import pytest
 from taxel.blind.benchmark.bases import INDENTATION, BasePair
 from taxel.blind.benchmark.worlds import INJECTED, sample_benchmark
 from taxel.blind.hidden import UNKNOWN
-from taxel.blind.injection.forms import INJECTED_FORMS
+from taxel.blind.injection.forms import INJECTED_FORMS, RESERVED_FORMS
 from taxel.blind.injection.inject import inject_causes
 from taxel.blind.injection.skin_counts import GraspSignal, SkinTable
 from taxel.gap.data.pair import read_pair
@@ -40,7 +40,9 @@ def make_grasp(skin: SkinTable) -> GraspSignal:
     return GraspSignal(signal, time, phase, np.random.default_rng(SEED), separation)
 
 
-@pytest.mark.parametrize("form", INJECTED_FORMS, ids=lambda form: f"{form.name}-{form.form}")
+ALL_FORMS = (*INJECTED_FORMS, *RESERVED_FORMS)
+
+
 def get_form_id(form) -> str:
     return f"{form.name}-{form.form}"
 
@@ -53,7 +55,7 @@ def compute_change(form, strength: float) -> np.ndarray:
     return inject(make_grasp(skin), strength) - make_grasp(skin).signal
 
 
-@pytest.mark.parametrize("form", INJECTED_FORMS, ids=get_form_id)
+@pytest.mark.parametrize("form", ALL_FORMS, ids=get_form_id)
 def test_form_changes_the_signal_by_less_than_2_counts_at_strength_0_and_more_with_the_strength(form):
     none, some, much = (compute_change(form, strength) for strength in (0.0, 0.3, 1.0))
     assert np.abs(none).max() < 2.0
@@ -65,24 +67,32 @@ NEEDS_CONTACT = ("gain_mismatch", "stiffness", "saturation", "contact_propagatio
 """Effects that only change the signals of a contact."""
 
 
-@pytest.mark.parametrize("form", [form for form in INJECTED_FORMS if form.name in NEEDS_CONTACT], ids=get_form_id)
+@pytest.mark.parametrize("form", [form for form in ALL_FORMS if form.name in NEEDS_CONTACT], ids=get_form_id)
 def test_form_of_an_effect_that_needs_contact_leaves_the_baseline_phase_unchanged(form):
     is_baseline = make_grasp(make_skin()).phase == Phase.BASELINE
     assert np.abs(compute_change(form, 1.0)[is_baseline]).max() < 2.0
 
 
-def test_forms_cover_all_effects_but_pose_error_and_nonlinearity_and_causes_outside_the_catalogue():
-    assert {form.name for form in INJECTED_FORMS} == {*set(OWN_EFFECTS) - {"pose_error", "nonlinearity"}, UNKNOWN}
+@pytest.mark.parametrize("forms", [INJECTED_FORMS, RESERVED_FORMS], ids=["calibration", "reserved"])
+def test_forms_cover_all_effects_but_pose_error_and_nonlinearity_and_causes_outside_the_catalogue(forms):
+    assert {form.name for form in forms} == {*set(OWN_EFFECTS) - {"pose_error", "nonlinearity"}, UNKNOWN}
 
 
 def test_pairs_of_effect_and_form_are_unique():
-    labels = [(form.name, form.form) for form in INJECTED_FORMS]
+    labels = [(form.name, form.form) for form in ALL_FORMS]
     assert len(set(labels)) == len(labels)
 
 
 def test_six_injected_worlds_share_a_base():
     worlds = sample_benchmark(60, 3, [INJECTED])
     assert len({world.source[0] for world in worlds}) == 10
+
+
+def test_worlds_of_reserved_forms_contain_no_form_of_the_calibration():
+    used = {get_form_id(form) for form in INJECTED_FORMS}
+    labels = {label for world in sample_benchmark(60, 3, [INJECTED], RESERVED_FORMS) for label in world.forms}
+    assert len(labels) > 10
+    assert not used & {label.replace(": ", "-") for label in labels}
 
 
 def test_injected_worlds_have_a_form_and_a_gap_for_each_hidden_cause():

@@ -17,6 +17,7 @@ from typing import Any
 from taxel.blind.benchmark.entries import check_answer, load_entry
 from taxel.blind.benchmark.scoring import ScoredAnswer, score_answers
 from taxel.blind.benchmark.worlds import FAMILIES, BenchmarkWorld, sample_benchmark
+from taxel.blind.injection.forms import INJECTED_FORMS, RESERVED_FORMS
 from taxel.errors import TaxelError
 from taxel.output import AppendedLines, read_complete_lines, write_whole
 
@@ -32,21 +33,24 @@ def run_benchmark(
     families: Sequence[str] = tuple(FAMILIES),
     jobs: int | None = None,
     progress: Callable[[int, int], None] = lambda done, total: None,
+    uses_reserved_forms: bool = False,
 ) -> dict[str, dict[str, Any]]:
     """Score diagnoses on `count` worlds; write the measures to `out`/score.json and return them by name of the
     diagnosis.
 
     out: folder of the run; answers of an interrupted run with the same seed, number and families are kept. entries:
     names of the diagnoses. families: names of the world families (keys of `FAMILIES`). jobs: number of processes; None:
-    one per core. progress: called with the number of finished worlds and the total. Raises TaxelError with a one-line
-    message.
+    one per core. progress: called with the number of finished worlds and the total. uses_reserved_forms: whether
+    injected causes have the `RESERVED_FORMS`. Raises TaxelError with a one-line message.
     """
     for name in entries:
         load_entry(name)
     out.mkdir(parents=True, exist_ok=True)
-    run = {"count": count, "seed": seed, "families": sorted(families)}
+    run: dict[str, Any] = {"count": count, "seed": seed, "families": sorted(families)}
+    if uses_reserved_forms:
+        run["forms"] = "reserved"
     answers = _read_answers(out / ANSWERS, run)
-    worlds = sample_benchmark(count, seed, families)
+    worlds = sample_benchmark(count, seed, families, RESERVED_FORMS if uses_reserved_forms else INJECTED_FORMS)
     todo = [world for world in worlds if set(entries) - set(answers.get(world.number, {}))]
     progress(count - len(todo), count)
     task = partial(diagnose_world, entries=tuple(entries), seed=seed, bases=out / BASES)
@@ -96,13 +100,13 @@ def diagnose_world(world: BenchmarkWorld, entries: Sequence[str], seed: int, bas
 def _read_answers(path: Path, run: Mapping[str, Any]) -> dict[int, dict[str, Any]]:
     """Read the answers of an interrupted run: by number of the world, the answers by name of the diagnosis and the gap.
 
-    run: number of worlds, seed and families that each line must state. Raises TaxelError for other values.
+    run: number of worlds, seed, families and forms that each line must state. Raises TaxelError for other values.
     """
     answers: dict[int, dict[str, Any]] = {}
     for number, text in enumerate(read_complete_lines(path), 1):
         try:
             line = json.loads(text)
-            is_same = all(line[key] == value for key, value in run.items())
+            is_same = all(line[key] == value for key, value in run.items()) and line.get("forms") == run.get("forms")
             answer = {**line["entries"], "gap": line["gap"]}
         except (ValueError, KeyError, TypeError):
             raise TaxelError(
@@ -110,7 +114,7 @@ def _read_answers(path: Path, run: Mapping[str, Any]) -> dict[int, dict[str, Any
             ) from None
         if not is_same:
             raise TaxelError(
-                f"{path}: the answers belong to another seed, number or family of worlds; choose another --out"
+                f"{path}: the answers belong to another seed, number, family or forms of worlds; choose another --out"
             )
         answers.setdefault(line["number"], {}).update(answer)
     return answers

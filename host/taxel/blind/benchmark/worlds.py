@@ -15,7 +15,7 @@ from taxel.blind.benchmark.faults import FAULTS, damage
 from taxel.blind.benchmark.modalities import SENSORS, ModalityWorld, sample_modality_worlds
 from taxel.blind.grasp_world import GraspWorldSampler, emulate_grasps, simulate_grasps
 from taxel.blind.hidden import UNKNOWN
-from taxel.blind.injection.forms import INJECTED_FORMS, InjectedForm
+from taxel.blind.injection.forms import INJECTED_FORMS, RESERVED_FORMS, InjectedForm
 from taxel.blind.injection.inject import inject_causes
 from taxel.blind.loaded_locations import SimulatedLoads
 from taxel.blind.sampling import sample_worlds
@@ -97,7 +97,7 @@ class BenchmarkWorld:
             base, seed = self.source
             first, second = base.provide(bases)
             shutil.copyfile(second, sim)
-            forms = [one for name in self.forms for one in INJECTED_FORMS if _label(one) == name]
+            forms = [one for name in self.forms for one in (*INJECTED_FORMS, *RESERVED_FORMS) if _label(one) == name]
             if forms:
                 inject_causes(first, second, real, forms, self.floors, seed)
             else:
@@ -118,11 +118,16 @@ class BenchmarkWorld:
         }
 
 
-def sample_benchmark(count: int, seed: int, families: Sequence[str] = tuple(FAMILIES)) -> list[BenchmarkWorld]:
+def sample_benchmark(
+    count: int,
+    seed: int,
+    families: Sequence[str] = tuple(FAMILIES),
+    forms: Sequence[InjectedForm] = INJECTED_FORMS,
+) -> list[BenchmarkWorld]:
     """Sample `count` worlds of some families in random order, in the proportions of `FAMILIES` and `SENSOR_FAMILIES`.
 
-    Equal arguments give equal worlds. The worlds are not sealed as those of the blind check: the truth is compared
-    after all answers are stored.
+    forms: functional forms of the injected causes, `INJECTED_FORMS` or `RESERVED_FORMS`. Equal arguments give equal
+    worlds. The worlds are not sealed as those of the blind check: the truth is compared after all answers are stored.
     """
     rng = np.random.default_rng([seed, count])
     shares = {name: share for name, share in {**FAMILIES, **SENSOR_FAMILIES}.items() if name in families}
@@ -138,7 +143,7 @@ def sample_benchmark(count: int, seed: int, families: Sequence[str] = tuple(FAMI
         elif name in SENSOR_FAMILIES:
             worlds += _sample_sensors(name, number, seed)
         else:
-            worlds += _sample_injected(rng, name, number, seed)
+            worlds += _sample_injected(rng, name, number, seed, forms)
     order = rng.permutation(len(worlds)).tolist()
     return [replace(worlds[index], number=number) for number, index in enumerate(order)]
 
@@ -166,14 +171,16 @@ def _sample_grasps(number: int, seed: int) -> BenchmarkWorld:
     return BenchmarkWorld(number, EMULATED_GRASPS, sampler.kind, names, forms, seed)
 
 
-def _sample_injected(rng: np.random.Generator, family: str, count: int, seed: int) -> list[BenchmarkWorld]:
-    """Sample worlds of a family with injected causes.
+def _sample_injected(
+    rng: np.random.Generator, family: str, count: int, seed: int, available: Sequence[InjectedForm]
+) -> list[BenchmarkWorld]:
+    """Sample worlds of a family with injected causes. available: functional forms of the causes.
 
     Each world gets a base (pair of datasets without a cause, shared by several worlds), the forms (functional variants)
     of its causes, and the gap that each cause must produce, in floors.
     """
     kind_of_base = BASE_KINDS[family]
-    forms = [one for one in INJECTED_FORMS if kind_of_base != TOUCH or one.name not in NOT_ON_TOUCHES]
+    forms = [one for one in available if kind_of_base != TOUCH or one.name not in NOT_ON_TOUCHES]
     worlds = []
     for number in range(count):
         base = BasePair(kind_of_base, 1000 * seed + number // WORLDS_PER_BASE[family])

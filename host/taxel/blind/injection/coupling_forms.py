@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from taxel.blind.injection.building_blocks import spread
 from taxel.blind.injection.skin_counts import GraspSignal, Injection, SkinTable
 from taxel.types import FloatArray
 
@@ -11,29 +12,13 @@ from taxel.types import FloatArray
 def sample_gaussian_spread(skin: SkinTable, rng: np.random.Generator) -> Injection:
     """Sample a spread with a Gaussian kernel; in half of the cases, the total signal is kept."""
     reach = rng.uniform(0.004, 0.009)
-    return _spread(np.exp(-((skin.distance / reach) ** 2)), bool(rng.integers(2)))
+    return spread(np.exp(-((skin.distance / reach) ** 2)), bool(rng.integers(2)))
 
 
 def sample_lorentzian_spread(skin: SkinTable, rng: np.random.Generator) -> Injection:
     """Sample a spread that decreases with the third power of the distance; in half of the cases, the total is kept."""
     reach = rng.uniform(0.003, 0.007)
-    return _spread(1.0 / (1.0 + (skin.distance / reach) ** 3), bool(rng.integers(2)))
-
-
-def _spread(kernel: FloatArray, keeps_total: bool) -> Injection:
-    """Make the injection in which every taxel passes a share of its signal to others with the weights of a kernel.
-
-    kernel: f64[n, n], not normalised. keeps_total: whether the share is subtracted from the signal of the taxel.
-    """
-    kernel = kernel / np.maximum(kernel.sum(axis=1, keepdims=True), 1e-12)
-
-    def inject(grasp: GraspSignal, strength: float) -> FloatArray:
-        """Pass a share of each signal f64[T, n] to other taxels. strength: this share, limited to 0.9."""
-        share = min(strength, 0.9)
-        kept = (1.0 - share) if keeps_total else 1.0
-        return kept * grasp.signal + share * (grasp.signal @ kernel)
-
-    return inject
+    return spread(1.0 / (1.0 + (skin.distance / reach) ** 3), bool(rng.integers(2)))
 
 
 def sample_ladder(skin: SkinTable, rng: np.random.Generator) -> Injection:

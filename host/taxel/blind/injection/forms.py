@@ -9,7 +9,7 @@ from typing import Final
 import numpy as np
 
 from taxel.blind.hidden import UNKNOWN
-from taxel.blind.injection import coupling_forms, outside_forms, taxel_forms, time_forms
+from taxel.blind.injection import coupling_forms, outside_forms, reserved_forms, taxel_forms, time_forms
 from taxel.blind.injection.skin_counts import Injection, SkinTable
 
 Sampler = Callable[[SkinTable, np.random.Generator], Injection]
@@ -58,4 +58,26 @@ INJECTED_FORMS: Final = (
     InjectedForm(UNKNOWN, "mirrored board", outside_forms.sample_mirrored_board),
     InjectedForm(UNKNOWN, "sharpening", outside_forms.sample_sharpening),
 )
-"""All forms; neither the emulator nor the catalogue of the diagnosis contains any of them."""
+"""Forms of the calibration; neither the emulator nor the catalogue of the diagnosis contains any of them."""
+
+RESERVED_FORMS: Final = (
+    InjectedForm("contact_propagation", "disc", reserved_forms.sample_disc),
+    InjectedForm("contact_propagation", "two scales", reserved_forms.sample_two_scales),
+    InjectedForm("electrode_crosstalk", "adjacent lines", reserved_forms.sample_adjacent_lines),
+    InjectedForm("electrode_crosstalk", "limited", reserved_forms.sample_limited_crosstalk),
+    InjectedForm("noise", "slow", reserved_forms.sample_slow_noise),
+    InjectedForm("gain_mismatch", "lines", reserved_forms.sample_line_gains),
+    InjectedForm("stiffness", "stiffening", reserved_forms.sample_stiffening),
+    InjectedForm("baseline_drift", "warm-up", reserved_forms.sample_warm_up),
+    InjectedForm("hysteresis", "power creep", reserved_forms.sample_power_creep),
+    InjectedForm("hysteresis", "slow unloading", reserved_forms.sample_slow_unloading),
+    InjectedForm("saturation", "arctangent", reserved_forms.sample_arctangent),
+    InjectedForm("saturation", "two slopes", reserved_forms.sample_two_slopes),
+    InjectedForm("proximity", "inverse square", reserved_forms.sample_inverse_square, needs_separation=True),
+    InjectedForm("dropout", "scattered taxels", reserved_forms.sample_scattered_taxels),
+    InjectedForm("latency", "slow clock", reserved_forms.sample_slow_clock),
+    InjectedForm(UNKNOWN, "ghost", reserved_forms.sample_ghost),
+    InjectedForm(UNKNOWN, "rebound", reserved_forms.sample_rebound),
+    InjectedForm(UNKNOWN, "wobble", reserved_forms.sample_wobble),
+)
+"""Forms that are reserved for tests: no calibration and no development of the diagnosis has used them."""

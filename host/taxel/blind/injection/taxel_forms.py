@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from taxel.blind.injection.building_blocks import choose_boards, kill
 from taxel.blind.injection.skin_counts import GraspSignal, Injection, SkinTable
 from taxel.types import FloatArray
 
@@ -14,7 +15,7 @@ def sample_gradient(skin: SkinTable, rng: np.random.Generator) -> Injection:
     At strength 1 the logarithm changes by 1 from edge to edge.
     """
     slope = np.zeros(skin.n)
-    for board in _choose_boards(skin, rng, 2):
+    for board in choose_boards(skin, rng, 2):
         place = skin.position[board] @ rng.normal(size=3)
         slope[board] = 2.0 * (place - place.min()) / max(np.ptp(place), 1e-9) - rng.uniform(0.0, 1.0)
     return lambda grasp, strength: grasp.signal * np.exp(0.5 * strength * slope)
@@ -85,35 +86,16 @@ def sample_near_field(skin: SkinTable, rng: np.random.Generator) -> Injection:
 
 def sample_cracked_line(skin: SkinTable, rng: np.random.Generator) -> Injection:
     """Sample a line that is broken in its middle: the taxels of one half have no signal."""
-    (board,) = _choose_boards(skin, rng, 1)
+    (board,) = choose_boards(skin, rng, 1)
     along, index = (skin.tx, skin.rx) if rng.integers(2) else (skin.rx, skin.tx)
     line = rng.choice(np.unique(along[board]))
     places = board[along[board] == line]
     dead = places[index[places] >= np.median(index[places])]
-    return _kill(dead)
+    return kill(dead)
 
 
 def sample_dead_strip(skin: SkinTable, rng: np.random.Generator) -> Injection:
     """Sample a strip without signal at the edge of a board, for example next to a loose connector."""
-    (board,) = _choose_boards(skin, rng, 1)
+    (board,) = choose_boards(skin, rng, 1)
     place = skin.position[board] @ rng.normal(size=3)
-    return _kill(board[place <= np.quantile(place, rng.uniform(0.1, 0.35))])
-
-
-def _kill(dead: np.ndarray) -> Injection:
-    """Make the injection that replaces the signals of the taxels with the indices `dead` by noise of 4 counts."""
-
-    def inject(grasp: GraspSignal, strength: float) -> FloatArray:
-        """Replace the signals of the dead taxels by noise of 4 counts; any strength above 0 has the same result."""
-        result = grasp.signal.copy()
-        if strength > 0.0:
-            result[:, dead] = grasp.rng.normal(0.0, 4.0, (len(result), len(dead)))
-        return result
-
-    return inject
-
-
-def _choose_boards(skin: SkinTable, rng: np.random.Generator, most: int) -> list[np.ndarray]:
-    """Choose one to `most` boards."""
-    count = min(int(rng.integers(1, most + 1)), len(skin.boards))
-    return [skin.boards[index] for index in rng.permutation(len(skin.boards))[:count]]
+    return kill(board[place <= np.quantile(place, rng.uniform(0.1, 0.35))])

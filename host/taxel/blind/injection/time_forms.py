@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.signal import lfilter
 
+from taxel.blind.injection.building_blocks import low_pass
 from taxel.blind.injection.skin_counts import GraspSignal, Injection, SkinTable
 from taxel.types import FloatArray
 
@@ -91,7 +91,7 @@ def sample_creep(skin: SkinTable, rng: np.random.Generator) -> Injection:
         """Replace half of the signal at strength 1 by the weighted sum of its low-pass filtered versions."""
         period = float(np.median(np.diff(grasp.time_s)))
         late = sum(
-            part * _low_pass(grasp.signal, 1.0 - np.exp(-period / constant))
+            part * low_pass(grasp.signal, 1.0 - np.exp(-period / constant))
             for part, constant in zip(weight, seconds, strict=True)
         )
         share = min(0.5 * strength, 0.95)
@@ -108,8 +108,8 @@ def sample_jitter(skin: SkinTable, rng: np.random.Generator) -> Injection:
         """Delay the chosen boards, each by a random time of this grasp."""
         result = grasp.signal.copy()
         for index in chosen:
-            delay, board = strength * grasp.rng.uniform(0.1, 0.3), skin.boards[index]
-            result[:, board] = _delay(grasp.signal[:, board], grasp.time_s, delay)
+            delay_s, board = strength * grasp.rng.uniform(0.1, 0.3), skin.boards[index]
+            result[:, board] = delay(grasp.signal[:, board], grasp.time_s, delay_s)
         return result
 
     return inject
@@ -126,21 +126,7 @@ def sample_two_poles(skin: SkinTable, rng: np.random.Generator) -> Injection:
         result = grasp.signal.copy()
         for index in chosen:
             board = skin.boards[index]
-            result[:, board] = _low_pass(_low_pass(grasp.signal[:, board], share), share)
+            result[:, board] = low_pass(low_pass(grasp.signal[:, board], share), share)
         return result
 
     return inject
-
-
-def _low_pass(values: FloatArray, share: float) -> FloatArray:
-    """Apply a first-order low-pass filter along the frames. share: share of a step that passes in one frame."""
-    return np.asarray(lfilter([share], [1.0, share - 1.0], values, axis=0))
-
-
-def _delay(values: FloatArray, time_s: FloatArray, delay_s: float) -> FloatArray:
-    """Delay the values f64[T, m] by `delay_s`, with linear interpolation between frames."""
-    at = np.interp(time_s - delay_s, time_s, np.arange(len(time_s)))
-    low = np.floor(at).astype(int)
-    high = np.minimum(low + 1, len(time_s) - 1)
-    share = (at - low)[:, None]
-    return np.asarray((1.0 - share) * values[low] + share * values[high])
