@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from taxel.blind.injection.building_blocks import low_pass
+from taxel.blind.injection.building_blocks import delay, low_pass
 from taxel.blind.injection.skin_counts import GraspSignal, Injection, SkinTable
 from taxel.types import FloatArray
 
