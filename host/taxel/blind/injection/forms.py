@@ -58,7 +58,8 @@ INJECTED_FORMS: Final = (
     InjectedForm(UNKNOWN, "mirrored board", outside_forms.sample_mirrored_board),
     InjectedForm(UNKNOWN, "sharpening", outside_forms.sample_sharpening),
 )
-"""Forms of the calibration; neither the emulator nor the catalogue of the diagnosis contains any of them."""
+"""Forms of the calibration. The emulator contains none of them, and the catalogue of the diagnosis none exactly; forms
+with a shape parameter approximate several of them."""
 
 RESERVED_FORMS: Final = (
     InjectedForm("contact_propagation", "disc", reserved_forms.sample_disc),
