@@ -8,7 +8,15 @@ from typing import Final
 from taxel.gap.fitting.composite import FittedEffect
 
 SHAPE_PARAMETERS: Final = frozenset(
-    {"contact_propagation.spread_mm", "hysteresis.seconds", "proximity.range_mm", "pose_error.held_n_per_mm"}
+    {
+        "contact_propagation.spread_mm",
+        "contact_propagation.shape",
+        "hysteresis.seconds",
+        "saturation.sharpness",
+        "proximity.range_mm",
+        "proximity.shape",
+        "pose_error.held_n_per_mm",
+    }
 )
 """Parameters of the shape of an effect: no value of such a parameter alone switches the effect off."""
 
