@@ -47,7 +47,7 @@ SENSOR_SHARE = 0.25
 WITHHELD_SKIN, WITHHELD_SENSORS = "effect withheld, own skin", "effect withheld, other sensors"
 """Families, in the scores, of the worlds whose effect is left out of the catalogue."""
 
-WITHHELD_WEIGHT = 0.1
+WITHHELD_WEIGHT = 0.15
 """Weight of the comparison without the effect; the comparison of the same world with all effects has the rest of 1.
 It is the prior probability that a single cause is outside the catalogue, beyond the worlds with such causes (chosen: no
 statistics of real causes exist). A larger value names unknown causes more often, and causes of the catalogue less
