@@ -16,8 +16,10 @@ from taxel.gap.data.prepare import prepare_pair
 from taxel.gap.diagnosis import diagnose
 from taxel.gap.effects.effect import HAND
 from taxel.gap.effects.stiffness import Stiffness
+from taxel.gap.features.features import FeatureLayout
 from taxel.gap.fitting.composite import CompositeModel
 from taxel.gap.fitting.fit import start_effect
+from taxel.gap.fitting.state import build_state
 from taxel.recording import (
     DatasetHeader,
     GraspDatasetWriter,
@@ -219,3 +221,11 @@ def get_report(get_world_paths):
         return reports[paths]
 
     return get
+
+
+@pytest.fixture(scope="module")
+def state(write_world, tmp_path_factory):
+    """State of the simulation of a world, with features of 0."""
+    pair = read_pair(*write_world(tmp_path_factory.mktemp("state")))
+    layout = FeatureLayout.from_time_grid(pair.time_grid)
+    return build_state(pair, layout, np.zeros((len(pair.conditions), layout.count, pair.n)))

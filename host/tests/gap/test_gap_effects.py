@@ -8,30 +8,19 @@ import numpy as np
 import pytest
 
 from taxel.gap.data.boards import BoardLayout
-from taxel.gap.data.pair import read_pair
 from taxel.gap.effects.catalogue import OWN_EFFECTS, all_effects
 from taxel.gap.effects.lag import apply_low_pass
 from taxel.gap.effects.pillar_propagation import FORCE_LEVELS, compute_gained_force
 from taxel.gap.effects.sheet_kernel import compute_sheet_kernel, compute_taxel_kernel
-from taxel.gap.features.features import FeatureLayout, SessionMeans, compute_known_mean
+from taxel.gap.features.features import SessionMeans, compute_known_mean
 from taxel.gap.fitting.composite import CompositeModel, FittedEffect
 from taxel.gap.fitting.fit import start_effect
 from taxel.gap.fitting.fit_data import FitData
-from taxel.gap.fitting.state import build_state
 from taxel.gap.identifiability.identify import compute_typical_length2
 from taxel.recording.grasp_format import Phase
 
 FORMS = [(name, form) for name, forms in all_effects().items() for form in forms]
 IDS = [f"{name} {form.variant or form.scope} {form.scope}" for name, form in FORMS]
-
-
-@pytest.fixture(scope="module")
-def state(write_world, tmp_path_factory):
-    """State of the simulation of a world, with features of 0."""
-    pair = read_pair(*write_world(tmp_path_factory.mktemp("effects")))
-    layout = FeatureLayout.from_time_grid(pair.time_grid)
-    mean = np.zeros((len(pair.conditions), layout.count, pair.n))
-    return build_state(pair, layout, mean)
 
 
 @pytest.mark.parametrize(("name", "form"), FORMS, ids=IDS)

@@ -5,10 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from taxel.gap.data.pair import read_pair
 from taxel.gap.effects.catalogue import OWN_EFFECTS
-from taxel.gap.features.features import FeatureLayout
-from taxel.gap.fitting.state import build_state
 
 CONTAINED = [
     ("saturation", "soft", [600.0], "smooth", [600.0, 1.0]),
@@ -19,14 +16,6 @@ CONTAINED = [
     ("proximity", "exponential", [2.0, 80.0], "power", [2.0, 80.0, 1.0]),
 ]
 """Effect, simple form with its values, and form with a shape with the values at which both are equal."""
-
-
-@pytest.fixture(scope="module")
-def state(write_world, tmp_path_factory):
-    """State of the simulation of a world, with features of 0."""
-    pair = read_pair(*write_world(tmp_path_factory.mktemp("shapes")))
-    layout = FeatureLayout.from_time_grid(pair.time_grid)
-    return build_state(pair, layout, np.zeros((len(pair.conditions), layout.count, pair.n)))
 
 
 def find_form(name: str, variant: str):
