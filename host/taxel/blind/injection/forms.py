@@ -75,7 +75,7 @@ RESERVED_FORMS: Final = (
     InjectedForm("saturation", "arctangent", reserved_forms.sample_arctangent),
     InjectedForm("saturation", "two slopes", reserved_forms.sample_two_slopes),
     InjectedForm("proximity", "inverse square", reserved_forms.sample_inverse_square, needs_separation=True),
-    InjectedForm("dropout", "scattered taxels", reserved_forms.sample_scattered_taxels),
+    InjectedForm("dropout", "single taxels", reserved_forms.sample_single_taxels),
     InjectedForm("latency", "slow clock", reserved_forms.sample_slow_clock),
     InjectedForm(UNKNOWN, "ghost", reserved_forms.sample_ghost),
     InjectedForm(UNKNOWN, "rebound", reserved_forms.sample_rebound),

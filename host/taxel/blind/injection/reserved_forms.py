@@ -158,7 +158,7 @@ def sample_inverse_square(skin: SkinTable, rng: np.random.Generator) -> Injectio
     return inject
 
 
-def sample_scattered_taxels(skin: SkinTable, rng: np.random.Generator) -> Injection:
+def sample_single_taxels(skin: SkinTable, rng: np.random.Generator) -> Injection:
     """Sample single taxels without signal: 10 to 30 % of the taxels of a board."""
     (board,) = choose_boards(skin, rng, 1)
     return kill(board[rng.random(len(board)) < rng.uniform(0.1, 0.3)])
@@ -209,12 +209,12 @@ def sample_rebound(skin: SkinTable, rng: np.random.Generator) -> Injection:
     def inject(grasp: GraspSignal, strength: float) -> FloatArray:
         """Subtract the decaying share of the signal in hold from the end of hold on."""
         after = np.flatnonzero(grasp.phase > Phase.HOLD)
-        held = grasp.phase == Phase.HOLD
-        if not len(after) or not held.any():
+        in_hold = grasp.phase == Phase.HOLD
+        if not len(after) or not in_hold.any():
             return grasp.signal
         since = grasp.time_s[after] - grasp.time_s[after[0]]
         result = grasp.signal.copy()
-        result[after] -= 0.2 * strength * np.exp(-since / seconds)[:, None] * grasp.signal[held].mean(axis=0)
+        result[after] -= 0.2 * strength * np.exp(-since / seconds)[:, None] * grasp.signal[in_hold].mean(axis=0)
         return result
 
     return inject

@@ -8,7 +8,7 @@ import numpy as np
 
 from taxel.gap.effects.effect import BOARD, Effect, Parameter
 from taxel.gap.effects.geometry import compute_geometry
-from taxel.gap.effects.sheet_kernel import compute_sheet_kernel, compute_taxel_kernel
+from taxel.gap.effects.sheet_kernel import compute_even_kernel, compute_sheet_kernel, compute_taxel_kernel
 from taxel.gap.fitting.state import Signal, State
 from taxel.types import FloatArray
 
@@ -60,23 +60,26 @@ class ContactPropagation(Effect):
             spread_m, strength = 1e-3 * float(values[0, block]), float(values[1, block])
             board_force = signal.force[:, :, board.columns]
             if strength != 0.0 and board_force.any():
-                kernel = compute_sheet_kernel(board, spread_m, *values[2:, block].tolist())
-                force[:, :, board.columns] = self._spread_force(state, number, board_force, kernel, strength)
+                lengths = (spread_m, *values[2:, block].tolist())
+                force[:, :, board.columns] = self._spread_force(state, number, board_force, lengths, strength)
         return signal.with_force(force)
 
     def _spread_force(
-        self, state: State, number: int, force: FloatArray, kernel: FloatArray, strength: float
+        self, state: State, number: int, force: FloatArray, lengths: tuple[float, ...], strength: float
     ) -> FloatArray:
         """Return the forces of the m taxels of board `number` after the spread, f64[Q, K, m] (Q simulated contacts, K
         time nodes), newtons.
 
-        force: forces before the spread, f64[Q, K, m], newtons. kernel: of `compute_sheet_kernel`. strength: share of
-        the force that spreads. In the forms "added" the taxel itself loses no force. In the forms "even" and "power"
-        the load on a taxel is even; otherwise the force spreads from the loaded pieces of the taxel.
+        force: forces before the spread, f64[Q, K, m], newtons. lengths: arguments of `compute_sheet_kernel` after the
+        board. strength: share of the force that spreads. In the forms "added" the taxel itself loses no force. In the
+        forms "even" and "power" the load on a taxel is even; otherwise the force spreads from the loaded pieces of the
+        taxel.
         """
+        board = state.pair.boards[number]
         result = force if self.variant.startswith("added") else (1.0 - strength) * force
         if self.variant.endswith((EVEN_SUFFIX, POWER_SUFFIX)):
-            return np.asarray(result + strength * (force @ compute_taxel_kernel(kernel, None)))
+            return np.asarray(result + strength * (force @ compute_even_kernel(board, *lengths)))
+        kernel = compute_sheet_kernel(board, *lengths)
         piece_shares, result = compute_geometry(state).piece_shares, result.copy()
         for row in np.flatnonzero(force.any(axis=(1, 2))).tolist():
             share = piece_shares.get((row, number))

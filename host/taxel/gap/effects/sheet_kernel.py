@@ -59,7 +59,17 @@ def compute_sheet_kernel(board: BoardLayout, spread_m: float, shape: float = 1.0
     return _average_kernel(_compute_distances(board), spread_m, board.pitch_m / PIECES_PER_SIDE, shape)
 
 
-@lru_cache(maxsize=16)
+@lru_cache(maxsize=64)
+def compute_even_kernel(board: BoardLayout, spread_m: float, shape: float = 1.0) -> FloatArray:
+    """Return the share of the force on an evenly loaded taxel (row) that reaches another taxel (column), f64[m, m] (m
+    taxels of the board). spread_m, shape: see `compute_sheet_kernel`. Cached; the array is read-only.
+    """
+    kernel = compute_taxel_kernel(compute_sheet_kernel(board, spread_m, shape), None)
+    kernel.setflags(write=False)
+    return kernel
+
+
+@lru_cache(maxsize=32)
 def _average_kernel(distances: _PieceDistances, spread_m: float, side_m: float, shape: float) -> FloatArray:
     """Return the kernel of `compute_sheet_kernel`, f64[9, m, m]: source piece in its taxel, source taxel, target taxel
     (m taxels of the board).
@@ -115,8 +125,18 @@ def _compute_distances(board: BoardLayout) -> _PieceDistances:
 def _tabulate_square_kernel(spread_m: float, side_m: float, shape: float) -> tuple[FloatArray, FloatArray]:
     """Return distances, metres, and the mean of exp(-(r / spread)^shape) over two squares whose centres have these
     distances.
+    """
+    distance, lengths, share = _tabulate_lengths(side_m)
+    relative = lengths / spread_m
+    return distance, np.exp(-relative if shape == 1.0 else -(relative**shape)) @ share
 
-    The value is the mean of two directions: along a side of the squares, and diagonal.
+
+@lru_cache(maxsize=64)
+def _tabulate_lengths(side_m: float) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return d distances of the centres of two squares, metres, f64[d], the lengths between p pairs of their points at
+    each distance, metres, f64[d, p], and the shares of the pairs, f64[p], whose sum is 1.
+
+    Half of the pairs belong to the direction along a side of the squares, half to the diagonal direction.
     """
     # Offsets between the points of the two squares on one axis, and the number of pairs of points with each offset.
     steps, weight = (
@@ -128,5 +148,4 @@ def _tabulate_square_kernel(spread_m: float, side_m: float, shape: float) -> tup
     distance = np.arange(0.0, MAX_DISTANCE_M + DISTANCE_STEP_M, DISTANCE_STEP_M)
     along = np.hypot(distance[:, None] + x, y)
     across = np.hypot(distance[:, None] / np.sqrt(2) + x, distance[:, None] / np.sqrt(2) + y)
-    means = [np.exp(-((lengths / spread_m) ** shape)) @ share for lengths in (along, across)]
-    return distance, 0.5 * (means[0] + means[1])
+    return distance, np.hstack([along, across]), 0.5 * np.concatenate([share, share])

@@ -7,7 +7,7 @@ from typing import ClassVar
 from taxel.gap.data.missing_inputs import GEOMETRY
 from taxel.gap.effects.contact_propagation import POWER_SUFFIX, SHAPE
 from taxel.gap.effects.effect import Effect, Parameter
-from taxel.gap.effects.sheet_kernel import compute_sheet_kernel, compute_taxel_kernel
+from taxel.gap.effects.sheet_kernel import compute_even_kernel
 from taxel.gap.fitting.state import Signal, State
 from taxel.types import FloatArray
 
@@ -60,6 +60,6 @@ class SignalPropagation(Effect):
         signal_counts = state.to_signal_counts(signal)
         result = signal_counts.copy() if "added" in self.variant else (1.0 - strength) * signal_counts
         for board in state.pair.boards:
-            kernel = compute_taxel_kernel(compute_sheet_kernel(board, spread_m, *values[2:, 0].tolist()), None)
+            kernel = compute_even_kernel(board, spread_m, *values[2:, 0].tolist())
             result[:, :, board.columns] += strength * (signal_counts[:, :, board.columns] @ kernel)
         return signal.with_signal_counts(result)

@@ -14,7 +14,7 @@ from taxel.gap.effects.dropout import Dropout
 from taxel.gap.effects.effect import BOARD
 from taxel.gap.effects.pillar_propagation import DECREASE_AT_SPREAD
 from taxel.gap.effects.plate import HALF_CLOSED_SHARE
-from taxel.gap.effects.sheet_kernel import compute_sheet_kernel, compute_taxel_kernel
+from taxel.gap.effects.sheet_kernel import compute_even_kernel
 from taxel.gap.export.common import ExportSource
 from taxel.gap.export.mixing import build_crosstalk_matrix, build_shorts_matrix
 from taxel.gap.report.reading import ReportedEffect
@@ -158,7 +158,7 @@ def _translate_propagation(source: ExportSource, reported_effect: ReportedEffect
         else:
             kept_share = 1.0 if "added" in form else 1.0 - share
             shapes = [float(values[first]) for values in shape]  # empty for an exponential kernel
-            kernel = compute_taxel_kernel(compute_sheet_kernel(layout, spread_m, *shapes), None)
+            kernel = compute_even_kernel(layout, spread_m, *shapes)
             boards.append({"matrix": kept_share * np.eye(len(layout.taxels)) + share * kernel})
         boards[-1]["taxels"] = layout.taxels
     if form == "pillars":
