@@ -46,8 +46,8 @@ def test_an_error_in_a_priors_file_is_one_line_with_its_location(tmp_path, text,
 def test_a_search_starts_at_the_priors_and_does_not_change_the_catalogue():
     forms = choose_effects(priors={"contact_propagation": {"spread_mm": Prior(2.5, 0.5)}})
     for form in forms["contact_propagation"]:
-        spread, strength = form.parameters()
+        spread, *others = form.parameters()
         assert (spread.start, spread.prior, spread.prior_mean) == (2.5, 0.5, 2.5)
-        assert strength == form.own_parameters()[1]
+        assert tuple(others) == form.own_parameters()[1:]
     for form in OWN_EFFECTS["contact_propagation"]:
         assert np.isinf(form.parameters()[0].prior)
