@@ -141,7 +141,7 @@ SATURATION = ("effects", 1, "model")
         (("verdict", "effects"), ["saturation", "saturation"], "verdict.effects[1]"),
         (("verdict", "effects"), ["noise"], "an entry for noise"),
         (SATURATION, None, "effects[1].model"),
-        ((*SATURATION, "form"), "round", "a form of saturation (clip of the hand, soft of the hand, smooth of the hand)"),
+        ((*SATURATION, "form"), "round", "a form of saturation (clip of the hand, soft of the hand, "),
         ((*SATURATION, "scope"), "board", "effects[1].model.blocks"),
         ((*SATURATION, "scope"), "finger", "effects[1].model.blocks"),
         ((*SATURATION, "order"), 1.5, "effects[1].model.order"),
