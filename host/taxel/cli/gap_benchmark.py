@@ -48,13 +48,16 @@ def benchmark(
     """
     require_packages("taxel gap benchmark", "all", "can", "mujoco")  # the worlds are simulated and emulated
     from taxel.blind.benchmark.run import run_benchmark
-    from taxel.blind.benchmark.worlds import FAMILIES, SENSOR_FAMILIES
+    from taxel.blind.benchmark.worlds import BASE_KINDS, FAMILIES, SENSOR_FAMILIES
 
     entries = entry or ["diagnosis"]
     for name in family or ():
         if name not in {**FAMILIES, **SENSOR_FAMILIES}:
             known = ", ".join([*FAMILIES, *SENSOR_FAMILIES])
             raise TaxelError(f"--family: expected one of {known}, found '{name}'")
+    if reserved_forms and not set(family or FAMILIES) & set(BASE_KINDS):
+        known = ", ".join(BASE_KINDS)
+        raise TaxelError(f"--reserved-forms: expected a family with injected causes ({known}), found none; add one")
     console = Console(stderr=as_json, markup=False)
     with count_bar(console, "benchmark", "worlds") as show:
         score = run_benchmark(out, worlds, seed, entries, family or tuple(FAMILIES), jobs, show, reserved_forms)

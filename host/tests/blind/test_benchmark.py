@@ -8,6 +8,7 @@ import h5py
 import numpy as np
 import pytest
 
+from host.tests.command_line import run_refused_command
 from taxel.blind import sampling
 from taxel.blind.benchmark import run
 from taxel.blind.benchmark.entries import check_answer, load_entry
@@ -169,6 +170,23 @@ def test_run_in_a_folder_with_answers_of_another_seed_is_refused(guesses, tmp_pa
     run.run_benchmark(tmp_path / "out", 1, 5, ["guess"], [INDENTATIONS])
     with pytest.raises(TaxelError, match="another seed"):
         run.run_benchmark(tmp_path / "out", 1, 6, ["guess"], [INDENTATIONS])
+
+
+def test_run_in_a_folder_with_answers_of_other_forms_is_refused_in_both_directions(guesses, tmp_path):
+    for first, second in ((False, True), (True, False)):
+        out = tmp_path / f"first {first}"
+        run.run_benchmark(out, 1, 5, ["guess"], [INDENTATIONS], uses_reserved_forms=first)
+        assert ("forms" in json.loads((out / "score.json").read_text())) == first
+        with pytest.raises(TaxelError, match="forms of worlds"):
+            run.run_benchmark(out, 1, 5, ["guess"], [INDENTATIONS], uses_reserved_forms=second)
+
+
+def test_reserved_forms_without_a_family_of_injected_causes_are_refused(tmp_path, capsys):
+    line = run_refused_command(
+        capsys, "gap", "benchmark", "--worlds", "1", "--out", tmp_path, "--reserved-forms", "--family", INDENTATIONS
+    )
+    assert "--reserved-forms" in line
+    assert "injected indentations" in line
 
 
 def test_unknown_diagnosis_is_refused_with_the_known_names():

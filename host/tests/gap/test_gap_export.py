@@ -7,7 +7,7 @@ import importlib.util
 import json
 import shlex
 import sys
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from types import ModuleType, SimpleNamespace
 from typing import Any
@@ -304,12 +304,17 @@ def find_form(name: str, variant: str, scope: str = "hand"):
     return next(one for one in OWN_EFFECTS[name] if (one.variant, one.scope) == (variant, scope))
 
 
-@pytest.mark.parametrize(("kind", "expected"), [("clip", [-300.0, -100.0, 300.0]), ("soft", [-200.0, -75.0, 200.0])])
+@pytest.mark.parametrize(
+    ("kind", "expected"),
+    [("clip", [-300.0, -100.0, 300.0]), ("soft", [-200.0, -75.0, 200.0]), ("smooth", [-200.0, -75.0, 200.0])],
+)
 def test_an_exported_saturation_limits_the_size_of_negative_signals_too(kind, expected):
-    """The components of a magnetic sensor have both signs. The gradual limit is x c / (|x| + c), c = 300 counts."""
+    """The components of a magnetic sensor have both signs. The gradual limit is x c / (|x| + c), c = 300 counts; it is
+    the smooth limit with the sharpness 1.
+    """
     frame = Frame(step_s=FRAME_S, since_s=0.0, age_s=0.0, model=None)
     frame.signal = np.array([-600.0, -100.0, 600.0])
-    STEPS[kind](frame, {"counts": np.full(3, 300.0)}, {})
+    STEPS[kind](frame, {"counts": np.full(3, 300.0), "sharpness": np.ones(3)}, {})
     assert frame.signal == pytest.approx(expected)
 
 
@@ -591,6 +596,35 @@ def test_isaac_configuration_has_the_diagnosed_numbers(simulation, tmp_path, isa
     assert "acts on forces" in export_report(path, "isaac", tmp_path / "force.py").not_expressed["stiffness"]
 
 
+@pytest.mark.parametrize(
+    ("name", "variant", "values"),
+    [("saturation", "smooth", [600.0, 3.0]), ("nonlinearity", "polynomial", [0.3, 0.2])],
+)
+def test_isaac_modifiers_with_a_shape_compute_the_signal_of_the_effect(
+    simulation, tmp_path, isaac_names, name, variant, values
+):
+    """The functions of the exported file act on arrays with the method `clamp` of a tensor."""
+
+    class Tensor(np.ndarray):
+        def abs(self):
+            return np.abs(self)
+
+        def clamp(self, max):
+            return np.minimum(self, max)
+
+    form, column = find_form(name, variant), np.array(values)[:, None]
+    export_report(simulation.write_report(tmp_path, form, column), "isaac", tmp_path / "isaac.py", step_s=FRAME_S)
+    (found,) = load_module(tmp_path / "isaac.py").MODIFIERS[32]
+    signal = np.linspace(-1500.0, 1500.0, N // 2)
+    changed = found.func(signal.view(Tensor), **found.params)
+    state = simulation.state
+    signals = np.zeros_like(state.signal_counts)
+    signals[0, 0, BOARD] = signal
+    whole = replace(state, mean=state.average_bins(signals))  # a saturation acts on the mean of all contacts
+    expected = form.apply(whole, state.base.with_signal_counts(signals), column).signal_counts[0, 0, BOARD]
+    np.testing.assert_allclose(changed, expected, atol=1.0)
+
+
 def read_genesis(simulation, folder: Path, form, values, **changes) -> tuple[dict, object]:
     """Return the Genesis options of the first board and the result of the export."""
     done = export_report(
@@ -627,6 +661,15 @@ def test_genesis_options_have_the_diagnosed_numbers(simulation, tmp_path):
     name, variant, values = CREEP
     _, done = read_genesis(simulation, tmp_path, find_form(name, variant), values)
     assert "hysteresis_strength = -0.4 with hysteresis_tau = 0.8" in done.not_expressed[name]
+
+
+def test_genesis_omits_all_steps_of_an_effect_that_it_cannot_express(simulation, tmp_path):
+    """The form `curved` of a stiffness has two steps; Genesis supports only the scale of the force."""
+    options, done = read_genesis(simulation, tmp_path, find_form("stiffness", "curved"), np.array([[0.7], [1.2]]))
+    assert "law of the force" in done.not_expressed["stiffness"]
+    assert "probe_gain" not in options
+    options, _ = read_genesis(simulation, tmp_path, find_form("stiffness", ""), np.array([[0.7]]))
+    assert options["probe_gain"] == pytest.approx([1.0 / 0.7] * (N // 2))
 
 
 def test_genesis_kernel_reproduces_the_crosstalk_of_lines(simulation, tmp_path):

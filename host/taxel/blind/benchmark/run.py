@@ -62,7 +62,8 @@ def run_benchmark(
             answers[world.number]["gap"] = record["gap"]
             progress(done, count)
     score = {name: _score_entry(name, worlds, answers) for name in entries}
-    write_whole(out / "score.json", json.dumps({"worlds": count, "seed": seed, "score": score}, indent=1) + "\n")
+    settings = {name: value for name, value in run.items() if name != "count"}
+    write_whole(out / "score.json", json.dumps({"worlds": count, **settings, "score": score}, indent=1) + "\n")
     return score
 
 
@@ -106,7 +107,8 @@ def _read_answers(path: Path, run: Mapping[str, Any]) -> dict[int, dict[str, Any
     for number, text in enumerate(read_complete_lines(path), 1):
         try:
             line = json.loads(text)
-            is_same = all(line[key] == value for key, value in run.items()) and line.get("forms") == run.get("forms")
+            is_same = all(line[key] == run[key] for key in ("count", "seed", "families"))
+            is_same = is_same and line.get("forms") == run.get("forms")  # absent: the forms of the calibration
             answer = {**line["entries"], "gap": line["gap"]}
         except (ValueError, KeyError, TypeError):
             raise TaxelError(

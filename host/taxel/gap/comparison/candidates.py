@@ -185,7 +185,7 @@ class CandidateSearch:
 
         Return composite models with their log density plus log prior, largest first; for each effect and scope only the
         best form. The forms of an effect are compared by the Akaike criterion: a fit to the same data increases the log
-        density by one for each superfluous parameter, compared with new data. Forms whose fitted values have no
+        density by one for each superfluous value, compared with new data. Forms whose fitted values have no
         consequence of their own (`Effect.is_idle`) are omitted. The effects act on the first simulated contact of each
         condition.
         """
@@ -217,17 +217,18 @@ class CandidateSearch:
             density = float(self._density.compute_log_density(fit.features, uncertain).sum())
             return fit.composite, density + self.compute_log_prior(fit.composite)
 
-        best: dict[tuple[str, str], tuple[float, tuple[CompositeModel, float]]] = {}
+        best: dict[tuple[str, str], tuple[CompositeModel, float]] = {}
+        criteria: dict[tuple[str, str], float] = {}
         for fitted_effect, fitted in zip(
             start_forms, map_in_processes(self._fit_data.state, fit_one, start_forms), strict=True
         ):
             key = fitted_effect.effect.name, fitted_effect.effect.scope
             if fitted is None:
                 continue
-            criterion = fitted[1] - len(fitted_effect.effect.parameters())
-            if key not in best or criterion > best[key][0]:
-                best[key] = criterion, fitted
-        return sorted((fitted for _, fitted in best.values()), key=lambda pair: -pair[1])
+            criterion = fitted[1] - fitted_effect.values.size
+            if criterion > criteria.get(key, -math.inf):
+                best[key], criteria[key] = fitted, criterion
+        return sorted(best.values(), key=lambda pair: -pair[1])
 
     def _list_start_forms(self, name: str, base: Candidate) -> list[FittedEffect]:
         """Return the available forms of an effect with their start values.

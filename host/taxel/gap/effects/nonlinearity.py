@@ -13,7 +13,6 @@ from taxel.types import FloatArray
 EXPONENT_STD: Final = 0.3
 """Prior standard deviation of the exponent. Chosen: sensors of one type have similar curves."""
 
-
 POLYNOMIAL: Final = "polynomial"
 """Variant with a polynomial of third degree."""
 

@@ -14,7 +14,6 @@ START_SHARE: Final = 0.7
 """Start value of the limit, as a share of the largest simulated signal. Chosen below 1: without a limited signal the
 derivative is 0 and the fit cannot start."""
 
-
 SHARPNESS: Final = Parameter("sharpness", "1", 0.3, 10.0, 2.0, 2.0, 2.0)
 """Sharpness p of the variant `smooth`: 1 is the variant `soft`, and a large value approaches the variant `clip`. Prior
 chosen: most limits are neither sharp nor as gradual as a resistive divider."""

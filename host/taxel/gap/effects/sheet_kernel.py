@@ -53,23 +53,46 @@ def compute_sheet_kernel(board: BoardLayout, spread_m: float, shape: float = 1.0
     The axes are source piece, source taxel, target taxel; the shares of a piece add up to 1. spread_m: decay length of
     the kernel, metres. shape: exponent of the kernel, 1 for an exponential and 2 for a Gaussian kernel.
     """
-    if (PIECES_PER_SIDE**2 * len(board.taxels)) ** 2 > MAX_PIECE_PAIRS:
-        kernel = _interpolate_kernel(board.distance_m, spread_m, board.pitch_m, shape)
-        return np.broadcast_to(kernel / kernel.sum(axis=-1, keepdims=True), (PIECES_PER_SIDE**2, *kernel.shape))
+    if _is_large(board):
+        kernel = _interpolate_taxel_kernel(board, spread_m, shape)
+        return np.broadcast_to(kernel, (PIECES_PER_SIDE**2, *kernel.shape))
     return _average_kernel(_compute_distances(board), spread_m, board.pitch_m / PIECES_PER_SIDE, shape)
 
 
-@lru_cache(maxsize=64)
 def compute_even_kernel(board: BoardLayout, spread_m: float, shape: float = 1.0) -> FloatArray:
     """Return the share of the force on an evenly loaded taxel (row) that reaches another taxel (column), f64[m, m] (m
-    taxels of the board). spread_m, shape: see `compute_sheet_kernel`. Cached; the array is read-only.
+    taxels of the board). spread_m, shape: see `compute_sheet_kernel`. The array is read-only.
+    """
+    if _is_large(board):
+        return _interpolate_taxel_kernel(board, spread_m, shape)
+    return _average_even_kernel(board, spread_m, shape)
+
+
+def _is_large(board: BoardLayout) -> bool:
+    """Return whether the kernel of a board is computed between whole taxels; such a kernel is not cached."""
+    return (PIECES_PER_SIDE**2 * len(board.taxels)) ** 2 > MAX_PIECE_PAIRS
+
+
+def _interpolate_taxel_kernel(board: BoardLayout, spread_m: float, shape: float) -> FloatArray:
+    """Return the kernel of `compute_even_kernel` between whole taxels, f64[m, m], read-only."""
+    kernel = _interpolate_kernel(board.distance_m, spread_m, board.pitch_m, shape)
+    kernel /= kernel.sum(axis=-1, keepdims=True)
+    kernel.setflags(write=False)
+    return kernel
+
+
+@lru_cache(maxsize=64)
+def _average_even_kernel(board: BoardLayout, spread_m: float, shape: float) -> FloatArray:
+    """Return the kernel of `compute_even_kernel` from the pieces of the taxels, f64[m, m], read-only.
+
+    Cached: a fit to a hand alternates between three spreads and shapes on each of up to 17 boards.
     """
     kernel = compute_taxel_kernel(compute_sheet_kernel(board, spread_m, shape), None)
     kernel.setflags(write=False)
     return kernel
 
 
-@lru_cache(maxsize=32)
+@lru_cache(maxsize=16)
 def _average_kernel(distances: _PieceDistances, spread_m: float, side_m: float, shape: float) -> FloatArray:
     """Return the kernel of `compute_sheet_kernel`, f64[9, m, m]: source piece in its taxel, source taxel, target taxel
     (m taxels of the board).

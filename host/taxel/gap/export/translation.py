@@ -60,10 +60,10 @@ class Translation:
         """Return a copy with only the steps that a file format supports.
 
         approximated: reasons by effect. refused: reasons by name of an effect that the format does not support; such an
-        effect is listed neither as approximated nor as expressed.
+        effect keeps none of its steps, and is listed neither as approximated nor as expressed.
         """
         return self.with_fields(
-            steps=tuple(steps),
+            steps=tuple(step for step in steps if step["effect"] not in refused),
             approximated={name: reason for name, reason in approximated.items() if name not in refused},
             not_expressed=dict(refused),
             expressed=tuple(name for name in self.expressed if name not in refused),
