@@ -195,6 +195,27 @@ static void flash_wait_states_delay_branches_and_literals(void)
     CHECK_EQUAL(bench.cpu.cycle - begin, 2);
 }
 
+/* Cortex-M0+: b (2), bx (2), bl (3), pop pc (3+1), mrs (3), msr (3), dsb (3), adds (1), beq taken (2). Its pipeline has
+ * two stages: a taken branch costs one cycle less than on the Cortex-M0. */
+static void a_cortex_m0_plus_takes_the_cycles_of_its_own_manual(void)
+{
+    bench_init(&bench);
+    bench.config.timing = cortex_m0_psoc4100s();
+    bench.config.timing.flash_wait = 0;
+    BENCH_PROGRAM(&bench, 0xE7FF, 0x4718, 0xF000, 0xF800, 0xBD00, 0xF3EF, 0x8008, 0xF380, 0x8808, 0xF3BF, 0x8F4F, 0x3100,
+                  0xD0FF);
+    bench.cpu.r[3] = (BENCH_MAIN + 4u) | 1u;
+    bench.cpu.r[13] = BENCH_RAM_BASE + 0x80u;
+    bench_word(&bench, BENCH_RAM_BASE + 0x80u, (BENCH_MAIN + 10u) | 1u);
+    static const unsigned cycles[] = {2, 2, 3, 4, 3, 3, 3, 1, 2};
+    for (size_t i = 0; i < sizeof cycles / sizeof *cycles; i++) {
+        const uint64_t begin = bench.cpu.cycle;
+        cortex_m0_step(&bench.cpu);
+        CHECK_EQUAL(bench.cpu.cycle - begin, cycles[i]);
+    }
+    CHECK_EQUAL(bench.cpu.faults, 0);
+}
+
 static void code_in_ram_has_no_wait_states(void)
 {
     bench_init(&bench);
@@ -246,6 +267,7 @@ int main(void)
     RUN(a_copy_loop_takes_the_cycles_counted_by_hand);
     RUN(a_function_call_takes_the_cycles_counted_by_hand);
     RUN(flash_wait_states_delay_branches_and_literals);
+    RUN(a_cortex_m0_plus_takes_the_cycles_of_its_own_manual);
     RUN(code_in_ram_has_no_wait_states);
     RUN(a_run_ends_at_the_first_instruction_that_reaches_its_cycle);
     RUN(dividing_a_run_into_slices_does_not_change_the_result);

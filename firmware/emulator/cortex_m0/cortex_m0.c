@@ -14,12 +14,29 @@
 struct cortex_m0_timing cortex_m0_psoc4200(void)
 {
     return (struct cortex_m0_timing){
+        .taken_branch = 3,
+        .special = 4,
         .multiply = 1,
         .flash_wait = 1,
         .exception_entry = 16,
         .exception_return = 12,
         .tail_chain = 6,
         .late_arrival = 12,
+    };
+}
+
+/* Return the timing of a PSoC 4100S at 48 MHz: that of a Cortex-M0+, with the flash wait states of this part. */
+struct cortex_m0_timing cortex_m0_psoc4100s(void)
+{
+    return (struct cortex_m0_timing){
+        .taken_branch = 2,
+        .special = 3,
+        .multiply = 1,
+        .flash_wait = 2,
+        .exception_entry = 15,
+        .exception_return = 11,
+        .tail_chain = 6,
+        .late_arrival = 11,
     };
 }
 
@@ -30,7 +47,8 @@ int cortex_m0_init(struct cortex_m0 *cpu, const struct cortex_m0_config *config)
     *cpu = (struct cortex_m0){.config = *config};
     if (cortex_m0_code_open(&cpu->flash_code, config->flash, config->flash_base, config->flash_size) ||
         cortex_m0_code_open(&cpu->ram_code, config->ram, config->ram_base, config->ram_size) ||
-        config->timing.late_arrival > config->timing.exception_entry || !config->timing.multiply) {
+        config->timing.late_arrival > config->timing.exception_entry || !config->timing.multiply ||
+        !config->timing.taken_branch || !config->timing.special) {
         cortex_m0_free(cpu);
         return -1;
     }

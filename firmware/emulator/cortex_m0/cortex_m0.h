@@ -1,5 +1,5 @@
-/* Emulated ARMv6-M processor (Cortex-M0) that executes unmodified Thumb images: exceptions, NVIC, SysTick, faults, and
- * the cycle counts of the manual (ARM DDI 0432C, table 3-1).
+/* Emulated ARMv6-M processor (Cortex-M0 or Cortex-M0+) that executes unmodified Thumb images: exceptions, NVIC, SysTick,
+ * faults, and the cycle counts of the manuals (ARM DDI 0432C and DDI 0484C, table 3-1).
  *
  * Flash and RAM are memory of the caller and are accessed directly; every other access calls one of two functions of
  * the caller. The caller sets the cycle up to which the processor runs. No state is shared between processors: a
@@ -75,15 +75,17 @@ struct cortex_m0_access {
 
 typedef enum cortex_m0_bus_status cortex_m0_access_function(void *context, struct cortex_m0_access *access);
 
-/* Timing parameters. The default values are those of a PSoC 4200 at 48 MHz. Values that no public document states are
- * marked (confirm). */
+/* Timing parameters, cycles. Manuals: DDI 0432C (Cortex-M0), DDI 0484C (Cortex-M0+, whose pipeline has two stages
+ * instead of three). Values that no public document states are marked (confirm). */
 struct cortex_m0_timing {
+    uint8_t taken_branch;    /* B, BX and BLX; a BL takes one cycle more: 3 (Cortex-M0) or 2 (Cortex-M0+) */
+    uint8_t special;         /* MRS, MSR and barriers: 4 (Cortex-M0) or 3 (Cortex-M0+) */
     uint8_t multiply;        /* cycles of MULS: 1 (PSoC 4200: single-cycle multiplier, data sheet 001-87197) or 32 */
     uint8_t flash_wait;      /* wait states, see README.md: 1 above 24 MHz, else 0 (data sheet 001-87197; confirm) */
-    uint8_t exception_entry; /* 16: DDI 0432C, "interrupt latency", memory without wait states */
-    /* 12: assumed equal to POP of 8 registers with PC, which transfers the same words (confirm) */
+    uint8_t exception_entry; /* 16 (Cortex-M0) or 15 (Cortex-M0+): "interrupt latency", memory without wait states */
+    /* 12 or 11: assumed equal to POP of 8 registers with PC, which transfers the same words (confirm) */
     uint8_t exception_return;
-    uint8_t tail_chain; /* 6: figure of the Cortex-M3, DDI 0337; not published for the M0 (confirm) */
+    uint8_t tail_chain; /* 6: figure of the Cortex-M3, DDI 0337; not published for the others (confirm) */
     /* cycles of an entry within which a higher-priority exception replaces the first: 12 (confirm) */
     uint8_t late_arrival;
 };
@@ -196,6 +198,9 @@ struct cortex_m0 {
 
 /* Return the timing of a PSoC 4200 at 48 MHz. */
 struct cortex_m0_timing cortex_m0_psoc4200(void);
+
+/* Return the timing of a PSoC 4100S at 48 MHz, whose processor is a Cortex-M0+. */
+struct cortex_m0_timing cortex_m0_psoc4100s(void);
 
 /* Initialise a processor and allocate the decoded instructions (8 bytes per halfword). Returns 0, or -1 if out of
  * memory or if the configuration is invalid: a size or base address is not a multiple of 4, or the timing is

@@ -25,6 +25,7 @@ enum cortex_m0_event cortex_m0_execute(struct cortex_m0 *cpu)
     int64_t budget;
     /* Flags as words: bit 31 of n and v is the flag N and V, Z is set if z is 0, and c is 0 or 1. */
     uint32_t n, z, c, v, refill, address, target;
+    const uint32_t taken = cpu->config.timing.taken_branch;
     enum cortex_m0_event event;
 
 resume:
@@ -305,7 +306,7 @@ op_POP_PC:
         LIST_IN_RAM;
         LOAD_LIST
         r[CORTEX_M0_SP] = address + ip->c * 4u;
-        JUMP_TO_ADDRESS(cortex_m0_read_word(ram + offset_), cycles_ + 3);
+        JUMP_TO_ADDRESS(cortex_m0_read_word(ram + offset_), cycles_);
     }
 op_STM:
     {
@@ -332,16 +333,16 @@ op_LDM_KEEP:
     }
 
 op_B:
-    JUMP((int32_t)ip->value, 3);
+    JUMP((int32_t)ip->value, 0);
 op_BL:
     r[CORTEX_M0_LR] = (PC + 4u) | 1u;
-    JUMP((int32_t)ip->value, 4);
+    JUMP((int32_t)ip->value, 1);
 op_BX:
-    JUMP_TO_ADDRESS(RB, 3);
+    JUMP_TO_ADDRESS(RB, 0);
 op_BLX:
     target = RB;
     r[CORTEX_M0_LR] = (PC + 2u) | 1u;
-    JUMP_TO_ADDRESS(target, 3);
+    JUMP_TO_ADDRESS(target, 0);
 op_BEQ:
     BRANCH_IF(z == 0);
 op_BNE:

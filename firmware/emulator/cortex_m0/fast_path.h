@@ -21,10 +21,11 @@
         goto *labels[ip->kind]; \
     } while (0)
 
-#define JUMP(operations, cycles) \
+/* Branch within the memory. extra: cycles beyond those of a taken branch. */
+#define JUMP(operations, extra) \
     do { \
         ip += (operations); \
-        budget -= (int64_t)refill + (cycles); \
+        budget -= (int64_t)refill + taken + (extra); \
         if (UNLIKELY(budget <= 0)) { \
             goto leave; \
         } \
@@ -34,18 +35,18 @@
 #define BRANCH_IF(condition) \
     do { \
         if (condition) { \
-            JUMP((int32_t)ip->value, 3); \
+            JUMP((int32_t)ip->value, 0); \
         } \
         NEXT(1); \
     } while (0)
 
 /* Branch to an address with the Thumb bit set. Targets in another memory, or outside Thumb state, take the slow path.
- */
-#define JUMP_TO_ADDRESS(address, cycles) \
+ * extra: cycles beyond those of a taken branch. */
+#define JUMP_TO_ADDRESS(address, extra) \
     do { \
         target = (address); \
         const uint32_t offset_from_base_ = target - 1u - code->base; \
-        budget -= (cycles); \
+        budget -= (int64_t)taken + (extra); \
         if (UNLIKELY(ROTATED(offset_from_base_, 1) >= code->size >> 1)) { \
             goto slow_branch; \
         } \

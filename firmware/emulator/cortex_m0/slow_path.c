@@ -113,7 +113,7 @@ enum cortex_m0_event cortex_m0_execute_list(struct cortex_m0 *cpu, struct cortex
         break;
     case CORTEX_M0_OP_POP_PC:
         cpu->r[CORTEX_M0_SP] = end;
-        cpu->cycle += 3u;
+        cpu->cycle += cpu->config.timing.taken_branch;
         /* NOLINTNEXTLINE(clang-analyzer-core.CallAndMessage): move_list() has read every word */
         return cortex_m0_branch(cpu, words[operation.c - 1u]);
     case CORTEX_M0_OP_LDM_KEEP:

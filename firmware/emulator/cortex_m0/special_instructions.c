@@ -6,8 +6,6 @@ enum special_register { LAST_PSR = 7, SYS_MSP = 8, SYS_PSP = 9, SYS_PRIMASK = 16
 
 #define CONTROL_SPSEL 2u
 #define APSR_FLAGS 0xF0000000u
-#define BARRIER_CYCLES 4u
-#define SPECIAL_CYCLES 4u
 #define WAIT_CYCLES 2u
 
 /* Complete an instruction: advances the program counter by `bytes` and the cycle counter by `cycles`. Returns no
@@ -19,10 +17,10 @@ static enum cortex_m0_event finish_instruction(struct cortex_m0 *cpu, uint32_t b
     return CORTEX_M0_EVENT_NONE;
 }
 
-/* Complete a jump to `address` (bit 0 is ignored) that takes `cycles`. Returns no event. */
-static enum cortex_m0_event finish_jump(struct cortex_m0 *cpu, uint32_t address, uint32_t cycles)
+/* Complete a jump to `address` (bit 0 is ignored), in `extra` cycles more than a taken branch. Returns no event. */
+static enum cortex_m0_event finish_jump(struct cortex_m0 *cpu, uint32_t address, uint32_t extra)
 {
-    cpu->cycle += cycles;
+    cpu->cycle += cpu->config.timing.taken_branch + extra;
     cortex_m0_set_fetch_address(cpu, address & ~UINT32_C(1));
     return CORTEX_M0_EVENT_NONE;
 }
@@ -40,7 +38,7 @@ static enum cortex_m0_event execute_any_registers(struct cortex_m0 *cpu, uint32_
     const uint32_t first = d == CORTEX_M0_PC ? pc : cpu->r[d], second = m == CORTEX_M0_PC ? pc : cpu->r[m];
     const uint32_t result = half >> 8 & 2u ? second : first + second;
     if (d == CORTEX_M0_PC) {
-        return finish_jump(cpu, result, 3);
+        return finish_jump(cpu, result, 0);
     }
     if (d == CORTEX_M0_SP) {
         cortex_m0_set_sp(cpu, result);
@@ -101,7 +99,7 @@ static enum cortex_m0_event read_special(struct cortex_m0 *cpu, uint32_t d, uint
         return record_undefined(cpu);
     }
     cpu->r[d] = value;
-    return finish_instruction(cpu, 4, SPECIAL_CYCLES);
+    return finish_instruction(cpu, 4, cpu->config.timing.special);
 }
 
 /* Write MSP or PSP (`process`), whether or not that stack is in use, and update its low-water mark. */
@@ -147,7 +145,7 @@ static enum cortex_m0_event write_special(struct cortex_m0 *cpu, uint32_t n, uin
         }
         break;
     }
-    return finish_instruction(cpu, 4, SPECIAL_CYCLES);
+    return finish_instruction(cpu, 4, cpu->config.timing.special);
 }
 
 /* Execute B, B<cond> or BL whose target lies in another memory or in none. */
@@ -156,14 +154,14 @@ static enum cortex_m0_event execute_far_branch(struct cortex_m0 *cpu, uint32_t h
     const uint32_t pc = cpu->r[CORTEX_M0_PC] + 4u;
     if (half >> 12 == 0xDu) { /* B<cond> */
         const bool taken = cortex_m0_condition(cpu, half >> 8 & 15u);
-        return taken ? finish_jump(cpu, pc + (uint32_t)cortex_m0_sign_extend(half & 0xFFu, 8) * 2u, 3)
+        return taken ? finish_jump(cpu, pc + (uint32_t)cortex_m0_sign_extend(half & 0xFFu, 8) * 2u, 0)
                      : finish_instruction(cpu, 2, 1);
     }
     if (half >> 12 == 0xEu) { /* B */
-        return finish_jump(cpu, pc + (uint32_t)cortex_m0_sign_extend(half & 0x7FFu, 11) * 2u, 3);
+        return finish_jump(cpu, pc + (uint32_t)cortex_m0_sign_extend(half & 0x7FFu, 11) * 2u, 0);
     }
     cpu->r[CORTEX_M0_LR] = pc | 1u; /* BL */
-    return finish_jump(cpu, pc + (uint32_t)cortex_m0_link_offset(half, second), 4);
+    return finish_jump(cpu, pc + (uint32_t)cortex_m0_link_offset(half, second), 1);
 }
 
 /* Execute a 32-bit instruction outside the fast path: a far BL, MRS, MSR or a barrier. */
@@ -176,7 +174,7 @@ static enum cortex_m0_event execute_wide(struct cortex_m0 *cpu, uint32_t half, u
         return read_special(cpu, second >> 8 & 15u, second & 0xFFu);
     }
     /* 0xF3BF: a barrier (DSB, DMB or ISB) */
-    return half == 0xF3BFu ? finish_instruction(cpu, 4, BARRIER_CYCLES)
+    return half == 0xF3BFu ? finish_instruction(cpu, 4, cpu->config.timing.special)
                            : write_special(cpu, half & 15u, second & 0xFFu);
 }
 

@@ -112,7 +112,7 @@ int psoc_init(struct psoc *psoc, const struct psoc_config *config)
         .context = psoc,
         .read = psoc_on_read,
         .write = psoc_on_write,
-        .timing = cortex_m0_psoc4200(),
+        .timing = psoc->config.part->family->timing(),
     };
     if (cortex_m0_init(&psoc->cpu, &core)) {
         return -1;

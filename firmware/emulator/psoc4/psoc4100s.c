@@ -34,6 +34,7 @@ static const struct psoc_block blocks[] = {
 
 const struct psoc_family psoc_4100s = {
     .ram_size = 8192u,
+    .timing = cortex_m0_psoc4100s,
     .hz_after_reset = 6e6, /* a quarter of the main oscillator */
     .irq_scb = {7u, 8u},
     .irq_csd = 13u,

@@ -41,6 +41,7 @@ static const struct psoc_block blocks[] = {
 
 const struct psoc_family psoc_4200 = {
     .ram_size = 4096u,
+    .timing = cortex_m0_psoc4200,
     .hz_after_reset = 24e6,
     .irq_scb = {10u, 11u},
     .irq_csd = 15u,
