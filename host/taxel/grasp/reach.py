@@ -49,7 +49,8 @@ class UnreachableError(TaxelError, ValueError):
         x, y, z = self.position
         return (
             f"robot {self.robot!r}: expected a pose within reach for link {self.link_name!r}, found ({x:.3f}, {y:.3f}, "
-            f"{z:.3f}) m with a remaining error of {self.miss_m * 1e3:.2g} mm; move the object or change the approach"
+            f"{z:.3f}) m with a remaining error of {self.miss_m * 1e3:.2g} mm, the rotation error included; move the "
+            "object or change the approach"
         )
 
 

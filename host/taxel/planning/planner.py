@@ -243,7 +243,8 @@ class MotionPlanner:
                 raise UnreachablePoseError(
                     what,
                     f"unreachable: the arm cannot place the palm at ({x:.3f}, {y:.3f}, {z:.3f}) m, it misses the pose "
-                    f"by {error.miss_m * 1e3:.2g} mm; move the object towards the arm or change the approach",
+                    f"by {error.miss_m * 1e3:.2g} mm, the rotation error included; move the object towards the arm or "
+                    "change the approach",
                 ) from error
             self._solutions[key] = found
         if not self._solutions[key]:
