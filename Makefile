@@ -24,7 +24,7 @@ QUICK := protocol/tests $(addprefix host/tests/,cli emulated grasp hand link sig
 GUIDES := $(addprefix host/tests/,docs bench/test_bench_docs.py tools/test_tools_guide.py monitor/test_monitor_docs.py ros/test_record_guide.py cli/test_cli_import.py)
 WITHOUT_HUB := boards commands compact fault_cases
 EXECUTED := i2c commands hub_bootloader
-SOURCES := pyproject.toml constraints.txt CMakeLists.txt $(shell find firmware host/taxel/sim/native host/taxel/native_library/native \( -name '*.c' -o -name '*.h' -o -name 'CMakeLists.txt' \) -not -path 'firmware/fuzz/*' -not -path 'firmware/tests/*' -not -path 'firmware/boards/*' 2>/dev/null)
+SOURCES := pyproject.toml constraints.txt CMakeLists.txt $(shell find firmware host/taxel/grasp/native host/taxel/sim/native host/taxel/native_library/native \( -name '*.c' -o -name '*.h' -o -name 'CMakeLists.txt' \) -not -path 'firmware/fuzz/*' -not -path 'firmware/tests/*' -not -path 'firmware/boards/*' 2>/dev/null)
 PIP = $(BIN)/python -m pip install --quiet --disable-pip-version-check
 # The versions of constraints.txt have binary packages for Python 3.11; other versions take the newest ones.
 CONSTRAINTS = $(shell $(BIN)/python -c 'import sys; print("-c constraints.txt" if sys.version_info[:2] == (3, 11) else "")')

@@ -202,8 +202,8 @@ static void a_cortex_m0_plus_takes_the_cycles_of_its_own_manual(void)
     bench_init(&bench);
     bench.config.timing = cortex_m0_psoc4100s();
     bench.config.timing.flash_wait = 0;
-    BENCH_PROGRAM(&bench, 0xE7FF, 0x4718, 0xF000, 0xF800, 0xBD00, 0xF3EF, 0x8008, 0xF380, 0x8808, 0xF3BF, 0x8F4F, 0x3100,
-                  0xD0FF);
+    BENCH_PROGRAM(&bench, 0xE7FF, 0x4718, 0xF000, 0xF800, 0xBD00, 0xF3EF, 0x8008, 0xF380, 0x8808, 0xF3BF, 0x8F4F,
+                  0x3100, 0xD0FF);
     bench.cpu.r[3] = (BENCH_MAIN + 4u) | 1u;
     bench.cpu.r[13] = BENCH_RAM_BASE + 0x80u;
     bench_word(&bench, BENCH_RAM_BASE + 0x80u, (BENCH_MAIN + 10u) | 1u);

@@ -166,6 +166,9 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--worlds", type=int, default=240, help="number of worlds of the own skin")
     parser.add_argument("--sensor-worlds", type=int, default=120, help="number of worlds of other kinds of sensor")
+    parser.add_argument(
+        "--several-worlds", type=int, default=300, help="number of further worlds; those with several causes are used"
+    )
     parser.add_argument("--seed", type=int, default=4601, help="seed of the worlds")
     parser.add_argument("--folds", type=int, default=5)
     parser.add_argument("--withheld-weight", type=float, default=WITHHELD_WEIGHT, help="weight of withheld effects")
@@ -180,7 +183,7 @@ def main() -> int:
         parser.error("--out: expected a folder for the evidence; or use --stored")
     if options.write and options.withheld_weight != WITHHELD_WEIGHT:
         parser.error("--write: expected the default --withheld-weight; change WITHHELD_WEIGHT instead")
-    sample = Sample(options.worlds, options.sensor_worlds, options.seed)
+    sample = Sample(options.worlds, options.sensor_worlds, options.several_worlds, options.seed)
     found = (
         read_stored(options.out or PACKAGED)
         if options.stored

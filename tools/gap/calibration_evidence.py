@@ -9,8 +9,7 @@ import gzip
 import json
 import shutil
 import sys
-from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import asdict, dataclass, replace
 from functools import partial
@@ -20,9 +19,17 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
-from taxel.blind.benchmark.worlds import FAMILIES, SENSOR_FAMILIES, BenchmarkWorld, sample_benchmark
+from taxel.blind.benchmark.worlds import (
+    EMULATED_GRASPS,
+    FAMILIES,
+    KINDS,
+    SENSOR_FAMILIES,
+    BenchmarkWorld,
+    sample_benchmark,
+)
 from taxel.blind.hidden import UNKNOWN
 from taxel.errors import TaxelError
 from taxel.gap.calibration.calibration import SMALLEST_CAUSE
@@ -31,6 +38,7 @@ from taxel.gap.data.pair import read_pair
 from taxel.gap.data.prepare import prepare_pair
 from taxel.gap.effects.catalogue import choose_effects
 from taxel.output import AppendedLines, read_complete_lines, write_whole
+from taxel.types import FloatArray
 
 MADE = "world.json"
 """File in the folder of a world whose datasets are complete."""
@@ -43,6 +51,9 @@ PACKAGED = Path(__file__).with_name("evidence.jsonl.gz")
 
 SENSOR_SHARE = 0.25
 """Share of the worlds of other kinds of sensor in the weights (chosen): the skin of the project is the usual case."""
+
+FITTING_STEPS = 100
+"""Number of iterations of the fit of the weights to two kinds of shares (chosen): it converges in far fewer."""
 
 WITHHELD_SKIN, WITHHELD_SENSORS = "effect withheld, own skin", "effect withheld, other sensors"
 """Families, in the scores, of the worlds whose effect is left out of the catalogue."""
@@ -98,23 +109,37 @@ def collect_evidence(world: BenchmarkWorld, bases: Path, datasets: Path | None) 
 
 @dataclass(frozen=True)
 class Sample:
-    """Worlds of a run: number of worlds of the own skin, of worlds of other kinds of sensor, and seed."""
+    """Worlds of a run.
+
+    worlds, sensor_worlds: number of worlds of the own skin, and of other kinds of sensor. several_worlds: number of
+    further worlds of the own skin, from which those with several causes are used, except the emulated grasps. seed:
+    seed of the worlds; the further worlds have the next seed.
+    """
 
     worlds: int
     sensor_worlds: int
+    several_worlds: int
     seed: int
 
     def list_worlds(self) -> list[BenchmarkWorld]:
-        """Return the worlds in random order; the numbers of the worlds of other sensors follow those of the skin."""
+        """Return the worlds in random order.
+
+        The numbers of the worlds of other sensors follow those of the skin; the numbers of the further worlds are the
+        last.
+        """
         sensors = sample_benchmark(self.sensor_worlds, self.seed, tuple(SENSOR_FAMILIES)) if self.sensor_worlds else []
         worlds = sample_benchmark(self.worlds, self.seed)
         worlds += [replace(world, number=self.worlds + world.number) for world in sensors]
+        families = tuple(name for name in FAMILIES if name != EMULATED_GRASPS)
+        further = sample_benchmark(self.several_worlds, self.seed + 1, families) if self.several_worlds else []
+        first = self.worlds + self.sensor_worlds
+        worlds += [replace(world, number=first + world.number) for world in further if world.kind == "several"]
         np.random.default_rng(self.seed).shuffle(worlds)
         return worlds
 
     def to_json(self) -> list[int]:
         """Return the field "run" of the evidence."""
-        return [self.worlds, self.sensor_worlds, self.seed]
+        return [self.worlds, self.sensor_worlds, self.several_worlds, self.seed]
 
 
 def run(out: Path, sample: Sample, jobs: int | None, datasets: Path | None) -> list[dict[str, Any]]:
@@ -167,8 +192,11 @@ def store_packaged(found: list[dict[str, Any]]) -> None:
 
 def describe_source(found: list[dict[str, Any]]) -> str:
     """Return the field "source" of the calibration: the command, and the number of worlds of which it has evidence."""
-    worlds, sensor_worlds, seed = found[0]["run"]
-    command = f"calibrate_comparison.py --worlds {worlds} --sensor-worlds {sensor_worlds} --seed {seed}"
+    worlds, sensor_worlds, several_worlds, seed = found[0]["run"]
+    command = (
+        f"calibrate_comparison.py --worlds {worlds} --sensor-worlds {sensor_worlds} "
+        f"--several-worlds {several_worlds} --seed {seed}"
+    )
     return f"{command}, evidence of {len(found)} worlds"
 
 
@@ -178,29 +206,48 @@ def list_comparisons(found: list[dict[str, Any]], withheld_weight: float = WITHH
     Comparisons with an error, and of worlds whose cause is too weak, are omitted. The two comparisons of a world
     together have the weight of the world; withheld_weight: part of the one without the effect.
     """
-    family_weights = compute_weights([one["family"] for one in found])
+    weights = compute_weights([(one["family"], one["kind"]) for one in found])
     compared = []
-    for one in found:
+    for one, weight in zip(found, weights, strict=True):
         family = WITHHELD_SENSORS if one["family"] in SENSOR_FAMILIES else WITHHELD_SKIN
         both = [one, one["without"] | {"family": family}] if "without" in one else [one]
         usable = [part for part in both if "error" not in part and not _is_too_weak(part)]
         shares = [1.0 - withheld_weight, withheld_weight] if len(usable) == 2 else [1.0]
-        weight = family_weights[one["family"]]
         compared += [part | {"weight": share * weight} for part, share in zip(usable, shares, strict=False)]
     return compared
 
 
-def compute_weights(families: Sequence[str]) -> dict[str, float]:
-    """Return the weight of a world of each family, so that every family has its share and the mean weight is 1.
+def compute_weights(worlds: Sequence[tuple[str, str]]) -> FloatArray:
+    """Return the weight of each world, so that every family and every kind has its share and the mean weight is 1.
 
     The families of the own skin have their shares of the benchmark, scaled to 1 - `SENSOR_SHARE` in all; the families
-    of other sensors have equal parts of `SENSOR_SHARE`. families: family of each world.
+    of other sensors have equal parts of `SENSOR_SHARE`. Within the own skin the kinds have the shares `KINDS`, whatever
+    the sample contains; both shares are reached by iterative proportional fitting (Deming and Stephan 1940). worlds:
+    family and kind of each world.
     """
-    counts = Counter(families)
     shares = {name: (1.0 - SENSOR_SHARE) * share for name, share in FAMILIES.items()}
     shares |= dict.fromkeys(SENSOR_FAMILIES, SENSOR_SHARE / len(SENSOR_FAMILIES))
-    total = sum(shares[name] for name in counts)
-    return {name: shares[name] / total * len(families) / count for name, count in counts.items()}
+    weights = np.ones(len(worlds))
+    families = np.array([family for family, _ in worlds])
+    # A look-alike is a single cause that resembles an effect of the catalogue.
+    kinds = np.array(["single" if kind == "lookalike" else kind for _, kind in worlds])
+    is_skin = np.isin(families, list(FAMILIES))
+    for _ in range(FITTING_STEPS):
+        _give_shares(weights, np.where(is_skin, kinds, ""), KINDS)
+        _give_shares(weights, families, shares)
+    return weights * len(worlds) / weights.sum()
+
+
+def _give_shares(weights: FloatArray, groups: NDArray[np.str_], shares: Mapping[str, float]) -> None:
+    """Scale the weights of the worlds in place, so that the groups of worlds have their shares.
+
+    weights: f64[w], of w worlds. groups: name of the group of each world; worlds of a group without a share keep their
+    weights. shares: share of each group; the sum over the groups is kept.
+    """
+    present = {name: share for name, share in shares.items() if (groups == name).any()}
+    total = weights[np.isin(groups, list(present))].sum() / sum(present.values(), start=0.0) if present else 0.0
+    for name, share in present.items():
+        weights[groups == name] *= share * total / weights[groups == name].sum()
 
 
 def _is_too_weak(one: dict[str, Any]) -> bool:

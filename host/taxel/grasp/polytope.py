@@ -10,20 +10,15 @@ import numpy.typing as npt
 from scipy.optimize import linprog
 from scipy.spatial import ConvexHull, HalfspaceIntersection, QhullError
 
+from taxel.grasp.polytope_library import compute_separation
 from taxel.grasp.shape import ShapeError, as_points, check_sizes, make_read_only
 from taxel.types import FloatArray, Int32Array
 
 _MERGE = 1e-9
 """Distance below which two vertices are merged, relative to the size of the solid; far above rounding errors."""
 
-_LINES_PER_BLOCK = 512
-"""Number of lines that are clipped at a time, so that the intermediate arrays fit in the cache."""
-
 CONVEX_VOLUME_SHARE = 0.999
 """Smallest ratio of the volumes of a mesh and of its convex hull at which the mesh counts as convex."""
-
-_PARALLEL = 1e-250
-"""Cosine below which a line is parallel to a face; the distance along the line would overflow."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -167,27 +162,7 @@ class ConvexPolytope:
         points_per_line = shape[-1] if is_shared else 1
         flat_p = np.broadcast_to(p, (*shape, 3)).reshape(-1, points_per_line, 3)
         flat_d = np.broadcast_to(d, (*shape[:-1], 1, 3) if is_shared else (*shape, 3)).reshape(-1, 3)
-        step = max(1, _LINES_PER_BLOCK // points_per_line)
-        pieces = [
-            self._compute_separation(flat_p[i : i + step], flat_d[i : i + step]) for i in range(0, len(flat_p), step)
-        ]
-        return np.concatenate(pieces).reshape(shape)
-
-    def _compute_separation(self, p: FloatArray, d: FloatArray) -> FloatArray:
-        """Compute the distance of points f64[m, e, 3] to the polytope along directions f64[m, 3], f64[m, e].
-
-        A line enters the solid at the last face that it crosses inwards, and leaves at the first face that it crosses
-        outwards; inf for a miss. All half-spaces are clipped at once.
-        """
-        speed = (self.normals @ d.T)[..., None]
-        depth = (self.offsets[:, None] - self.normals @ p.reshape(-1, 3).T).reshape(len(self.normals), *p.shape[:2])
-        is_parallel = np.abs(speed) < _PARALLEL
-        crossing = depth / np.where(is_parallel, 1.0, speed)
-        enter = (crossing + np.where(speed <= -_PARALLEL, 0.0, -np.inf)).max(axis=0)
-        leave = (crossing + np.where(speed >= _PARALLEL, 0.0, np.inf)).min(axis=0)
-        if is_parallel.any():
-            leave[(is_parallel & (depth < 0)).any(axis=0)] = -np.inf
-        return np.where((enter <= leave) & (leave >= 0), enter, np.inf)
+        return compute_separation(self.normals, self.offsets, flat_p, flat_d).reshape(shape)
 
     def ray_entry(self, points: npt.ArrayLike, directions: npt.ArrayLike) -> tuple[FloatArray, FloatArray]:
         """Compute where rays enter the polytope: distance f64[...], metres, and outward unit normal f64[..., 3].

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 
-from taxel.blind.benchmark.worlds import FAMILIES, SENSOR_FAMILIES
+from taxel.blind.benchmark.worlds import FAMILIES, KINDS, SENSOR_FAMILIES
 from taxel.gap.calibration.calibration import load_calibration
 
 
@@ -16,24 +17,36 @@ def tool(import_tool):
 
 def test_weights_give_every_family_its_share(tool):
     """Few worlds of a family, which are slow to make, have a large weight. The mean weight is 1."""
-    families = ["indentations"] * 30 + ["grasps"] * 5 + ["resistive mat"] * 10
-    weights = tool.compute_weights(families)
-    assert sum(weights[name] for name in families) == pytest.approx(len(families))
-    indentations, grasps = 30 * weights["indentations"], 5 * weights["grasps"]
+    families = np.array(["indentations"] * 30 + ["grasps"] * 5 + ["resistive mat"] * 10)
+    weights = tool.compute_weights([(name, "single") for name in families])
+    assert weights.mean() == pytest.approx(1.0)
+    indentations, grasps = (weights[families == name].sum() for name in ("indentations", "grasps"))
     assert indentations / grasps == pytest.approx(FAMILIES["indentations"] / FAMILIES["grasps"])
 
 
+def test_weights_give_every_kind_its_share_within_the_own_skin(tool):
+    """The shares do not depend on how many worlds of a kind the sample contains; a look-alike is a single cause."""
+    worlds = [(name, kind) for name in FAMILIES for kind in (*KINDS, "lookalike", "several", "several")]
+    worlds += [("resistive mat", "single")] * 7
+    weights = tool.compute_weights(worlds)
+    skin = np.array([name in FAMILIES for name, _ in worlds])
+    kinds = np.array(["single" if kind == "lookalike" else kind for _, kind in worlds])
+    shares = {kind: weights[skin & (kinds == kind)].sum() / weights[skin].sum() for kind in KINDS}
+    assert shares == pytest.approx(KINDS)
+    families = np.array([name for name, _ in worlds])
+    assert weights[families == "grasps"].sum() / weights[skin].sum() == pytest.approx(FAMILIES["grasps"])
+
+
 def test_the_own_skin_and_the_other_sensors_have_fixed_shares_of_the_weights(tool):
-    families = [*FAMILIES, *FAMILIES, *SENSOR_FAMILIES]
-    weights = tool.compute_weights(families)
-    sensors = sum(weights[name] for name in families if name in SENSOR_FAMILIES)
-    assert sensors / len(families) == pytest.approx(tool.SENSOR_SHARE)
+    families = np.array([*FAMILIES, *FAMILIES, *SENSOR_FAMILIES])
+    weights = tool.compute_weights([(name, "none") for name in families])
+    assert weights[np.isin(families, list(SENSOR_FAMILIES))].sum() / len(families) == pytest.approx(tool.SENSOR_SHARE)
 
 
 def test_both_comparisons_of_a_world_have_the_weight_of_one_world(tool):
-    single = {"family": "grasps", "truth": ["noise"], "gap": [9.0, 2.0, 77.0]}
-    withheld = {"family": "grasps", "truth": ["unknown"], "gap": [9.0, 2.0, 77.0]}
-    failed = {"family": "grasps", "truth": [], "error": "no grasps"}
+    single = {"family": "grasps", "kind": "single", "truth": ["noise"], "gap": [9.0, 2.0, 77.0]}
+    withheld = single | {"kind": "outside", "truth": ["unknown"]}
+    failed = {"family": "grasps", "kind": "single", "truth": [], "error": "no grasps"}
     compared = tool.list_comparisons([single | {"without": withheld}, single, failed])
     assert [one["family"] for one in compared] == ["grasps", tool.WITHHELD_SKIN, "grasps"]
     assert compared[0]["weight"] + compared[1]["weight"] == pytest.approx(compared[2]["weight"])
@@ -41,7 +54,7 @@ def test_both_comparisons_of_a_world_have_the_weight_of_one_world(tool):
 
 
 def test_a_single_cause_below_half_a_floor_is_no_cause(tool):
-    weak = {"family": "grasps", "truth": ["noise"], "gap": [2.1, 2.0, 0.4]}
+    weak = {"family": "grasps", "kind": "single", "truth": ["noise"], "gap": [2.1, 2.0, 0.4]}
     assert tool.list_comparisons([weak]) == []
 
 

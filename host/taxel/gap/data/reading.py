@@ -268,7 +268,7 @@ def _compute_node_means(
     values: f64[T, n] (T frames). in_node: bool[K, T], frames of each node. valid: bool[T, s]. sensor: [n], board of
     each taxel.
     """
-    chosen = in_node.astype(np.float64)
+    chosen = csr_array(in_node.astype(np.float64))  # few frames lie in each node
     if valid.all():
         count = chosen.sum(axis=1)[:, None]
         return np.asarray(chosen @ np.nan_to_num(values) / np.where(count, count, np.nan))
