@@ -229,13 +229,13 @@ def compute_weights(worlds: Sequence[tuple[str, str]]) -> FloatArray:
     shares |= dict.fromkeys(SENSOR_FAMILIES, SENSOR_SHARE / len(SENSOR_FAMILIES))
     weights = np.ones(len(worlds))
     families = np.array([family for family, _ in worlds])
-    # A look-alike is a single cause that resembles an effect of the catalogue.
+    # A world of the kind "lookalike" has a single cause that resembles an effect of the catalogue.
     kinds = np.array(["single" if kind == "lookalike" else kind for _, kind in worlds])
     is_skin = np.isin(families, list(FAMILIES))
     for _ in range(FITTING_STEPS):
         _give_shares(weights, np.where(is_skin, kinds, ""), KINDS)
         _give_shares(weights, families, shares)
-    return weights * len(worlds) / weights.sum()
+    return np.asarray(weights * len(worlds) / weights.sum())
 
 
 def _give_shares(weights: FloatArray, groups: NDArray[np.str_], shares: Mapping[str, float]) -> None:

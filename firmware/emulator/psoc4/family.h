@@ -19,7 +19,7 @@ struct psoc_block {
 };
 
 struct psoc_family {
-    uint32_t ram_size; /* bytes; at most PSOC_RAM_SIZE_MAX */
+    uint32_t ram_size;                       /* bytes; at most PSOC_RAM_SIZE_MAX */
     struct cortex_m0_timing (*timing)(void); /* of the processor, cycles */
     double hz_after_reset;
     uint8_t irq_scb[2], irq_csd;     /* interrupt numbers */

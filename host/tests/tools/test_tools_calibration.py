@@ -25,7 +25,8 @@ def test_weights_give_every_family_its_share(tool):
 
 
 def test_weights_give_every_kind_its_share_within_the_own_skin(tool):
-    """The shares do not depend on how many worlds of a kind the sample contains; a look-alike is a single cause."""
+    """The shares do not depend on how many worlds of a kind the sample contains. A world of the kind "lookalike" has a
+    single cause."""
     worlds = [(name, kind) for name in FAMILIES for kind in (*KINDS, "lookalike", "several", "several")]
     worlds += [("resistive mat", "single")] * 7
     weights = tool.compute_weights(worlds)

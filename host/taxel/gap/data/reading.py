@@ -270,7 +270,7 @@ def _compute_node_means(
     """
     chosen = csr_array(in_node.astype(np.float64))  # few frames lie in each node
     if valid.all():
-        count = chosen.sum(axis=1)[:, None]
+        count = in_node.sum(axis=1)[:, None]
         return np.asarray(chosen @ np.nan_to_num(values) / np.where(count, count, np.nan))
     good = valid[:, sensor]
     count = (chosen @ valid.astype(np.float64))[:, sensor]
