@@ -13,6 +13,7 @@ from typing import Any, Final
 
 import taxel
 from taxel.blind import landlock
+from taxel.grasp.polytope_library import load_polytope_library
 
 FORBIDDEN: Final = (
     "taxel.campaign",
@@ -79,6 +80,7 @@ def isolate_process(folder: Path, hidden: Sequence[Path] = ()) -> str:
     """
     sys.dont_write_bytecode = True
     import_module("taxel.recording")  # its dependency taxel.link imports the emulator, which is removed below
+    load_polytope_library()  # its folder, which also contains the emulator, cannot be read below
     own_folder = Path(os.path.realpath(folder))
     sealed = (*_sealed_sources(), *(Path(os.path.realpath(path)) for path in hidden))
     readable = [path for root in _installation_folders() for path in _paths_without(root, sealed)]
