@@ -80,13 +80,13 @@ typedef enum cortex_m0_bus_status cortex_m0_access_function(void *context, struc
 struct cortex_m0_timing {
     uint8_t taken_branch;    /* B, BX and BLX; a BL takes one cycle more: 3 (Cortex-M0) or 2 (Cortex-M0+) */
     uint8_t special;         /* MRS, MSR and barriers: 4 (Cortex-M0) or 3 (Cortex-M0+) */
-    uint8_t multiply;        /* cycles of MULS: 1 (PSoC 4200: single-cycle multiplier, data sheet 001-87197) or 32 */
-    uint8_t flash_wait;      /* wait states, see README.md: 1 above 24 MHz, else 0 (data sheet 001-87197; confirm) */
+    uint8_t multiply;        /* MULS: 1 (single-cycle multiplier: PSoC 4200, data sheet 001-87197, and 4100S) or 32 */
+    uint8_t flash_wait;      /* wait states at the clock of the part, see README.md (confirm) */
     uint8_t exception_entry; /* 16 (Cortex-M0) or 15 (Cortex-M0+): "interrupt latency", memory without wait states */
     /* 12 or 11: assumed equal to POP of 8 registers with PC, which transfers the same words (confirm) */
     uint8_t exception_return;
     uint8_t tail_chain; /* 6: figure of the Cortex-M3, DDI 0337; not published for the others (confirm) */
-    /* cycles of an entry within which a higher-priority exception replaces the first: 12 (confirm) */
+    /* part of an entry within which a higher-priority exception replaces the first: 12 or 11 (confirm) */
     uint8_t late_arrival;
 };
 

@@ -2,12 +2,16 @@
 
 import ctypes
 from functools import cache
+from typing import Final
 
 import numpy as np
 
 from taxel.errors import TaxelError
-from taxel.native_library import load_library
+from taxel.native_library import check_structure, load_library
 from taxel.types import FloatArray
+
+LIBRARY: Final = "the compiled library for polytopes"
+"""The library in messages to users."""
 
 
 class PolytopeLibraryError(TaxelError):
@@ -23,13 +27,8 @@ class _Polytope(ctypes.Structure):
 @cache
 def load_polytope_library() -> ctypes.CDLL:
     """Load the library of `native/`. Raises PolytopeLibraryError if it is missing or does not fit."""
-    library = load_library("taxel_polytope", "the compiled library for polytopes", PolytopeLibraryError)
-    library.taxel_polytope_struct_size.restype = ctypes.c_size_t
-    if library.taxel_polytope_struct_size() != ctypes.sizeof(_Polytope):
-        raise PolytopeLibraryError(
-            "the compiled library for polytopes belongs to another version of the package; install taxel again "
-            "(pip install .)"
-        )
+    library = load_library("taxel_polytope", LIBRARY, PolytopeLibraryError)
+    check_structure(library, "taxel_polytope", _Polytope, LIBRARY, PolytopeLibraryError)
     pointer, size = ctypes.c_void_p, ctypes.c_size_t
     library.taxel_polytope_separation.argtypes = [ctypes.POINTER(_Polytope), pointer, pointer, size, size, pointer]
     library.taxel_polytope_separation.restype = None

@@ -2,13 +2,16 @@
 
 import ctypes
 from functools import cache
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 import numpy.typing as npt
 
+from taxel import native_library
 from taxel.errors import TaxelError
-from taxel.native_library import load_library
+
+LIBRARY: Final = "the simulator's compiled library"
+"""The library in messages to users."""
 
 
 class SimLibraryError(TaxelError):
@@ -18,9 +21,7 @@ class SimLibraryError(TaxelError):
 @cache
 def load_sim_library() -> ctypes.CDLL:
     """Load the simulator's compiled library. Raises `SimLibraryError` if it is missing."""
-    library = load_library("taxel_sim", "the simulator's compiled library", SimLibraryError)
-    for name in ("sim_layer", "sim_push"):
-        getattr(library, f"{name}_struct_size").restype = ctypes.c_size_t
+    library = native_library.load_library("taxel_sim", LIBRARY, SimLibraryError)
     library.sim_layer_load.argtypes = [*[ctypes.c_void_p] * 6, ctypes.c_int]
     library.sim_layer_load.restype = None
     library.sim_push_step.argtypes = [ctypes.c_void_p, ctypes.c_void_p, ctypes.c_double]
@@ -30,11 +31,7 @@ def load_sim_library() -> ctypes.CDLL:
 
 def check_structure(library: ctypes.CDLL, name: str, structure: type[ctypes.Structure]) -> None:
     """Raise `SimLibraryError` unless the structure `struct NAME` of the library has the size of `structure`."""
-    if getattr(library, f"{name}_struct_size")() != ctypes.sizeof(structure):
-        raise SimLibraryError(
-            "the simulator's compiled library belongs to another version of the package; install taxel again "
-            "(pip install .)"
-        )
+    native_library.check_structure(library, name, structure, LIBRARY, SimLibraryError)
 
 
 class ReferencedArrays:
