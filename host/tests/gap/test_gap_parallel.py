@@ -1,4 +1,4 @@
-"""Work shared with a forked worker process: equal, ordered results, also if the worker process fails."""
+"""Work shared with forked worker processes: equal, ordered results, also if a worker process fails."""
 
 from __future__ import annotations
 
@@ -22,9 +22,15 @@ from taxel.gap.fitting.parallel import MIN_PARALLEL_VALUES, map_in_processes, ma
 ITEMS = list(range(23))
 
 
+@pytest.fixture(autouse=True)
+def two_cores(monkeypatch):
+    """The tests do not depend on the number of cores of the machine."""
+    monkeypatch.setattr(parallel, "count_processes", lambda: 2)
+
+
 @pytest.fixture
 def state():
-    """Substitute for a state that is just large enough for work in two processes."""
+    """Substitute for a state that is just large enough for work in several processes."""
     return SimpleNamespace(
         signal_counts=np.zeros(MIN_PARALLEL_VALUES), coarse=SimpleNamespace(signal_counts=np.zeros(3))
     )
@@ -47,6 +53,54 @@ def test_results_of_shared_work_are_in_order(state, share):
 
 def test_work_is_shared_by_two_processes(state):
     assert len(set(map_in_processes(state, lambda item: (time.sleep(0.02), os.getpid())[1], ITEMS))) == 2
+
+
+@pytest.mark.parametrize("cores", [1, 2, 3, 7])
+def test_work_is_shared_by_one_process_for_each_core(state, monkeypatch, cores):
+    monkeypatch.setattr(parallel, "count_processes", lambda: cores)
+    results = map_in_processes(state, lambda item: (time.sleep(0.02), os.getpid(), square(item)), ITEMS)
+    assert len({process for _, process, _ in results}) == cores
+    assert are_results_expected([result for _, _, result in results])
+
+
+def test_at_most_one_process_for_each_item_is_started(state, monkeypatch):
+    monkeypatch.setattr(parallel, "count_processes", lambda: 7)
+    results = map_in_processes(state, lambda item: (time.sleep(0.02), os.getpid()), [0, 1, 2])
+    assert len({process for _, process in results}) <= 3
+
+
+def test_the_number_of_processes_is_the_number_of_usable_cores(monkeypatch):
+    monkeypatch.undo()
+    for cores, processes in ((1, 1), (4, 4), (96, parallel.MAX_PROCESSES)):
+        monkeypatch.setattr(os, "sched_getaffinity", lambda _, cores=cores: set(range(cores)), raising=False)
+        assert parallel.count_processes() == processes
+
+
+def test_expensive_items_are_processed_first(state, tmp_path):
+    def note_start(item):
+        with (tmp_path / "order").open("a") as file:  # one short write: the lines of both processes do not mix
+            file.write(f"{item}\n")
+        time.sleep(0.01)
+        return item
+
+    assert map_in_processes(state, note_start, ITEMS, costs=[item % 5 for item in ITEMS]) == ITEMS
+    started = [int(line) for line in (tmp_path / "order").read_text().split()]
+    # Two processes take the items in order, but one may write before the other.
+    assert all(abs(started.index(item) - sorted(ITEMS, key=lambda i: -(i % 5)).index(item)) <= 2 for item in ITEMS)
+
+
+def test_the_remaining_processes_do_the_work_if_not_all_can_be_forked(state, monkeypatch):
+    fork, forked = os.fork, []
+
+    def fork_once():
+        if forked:
+            raise BlockingIOError("no more processes")
+        forked.append(True)
+        return fork()
+
+    monkeypatch.setattr(parallel, "count_processes", lambda: 4)
+    monkeypatch.setattr(os, "fork", fork_once)
+    assert are_results_expected(map_in_processes(state, square, ITEMS))
 
 
 def test_nested_work_runs_in_the_calling_process(state):
@@ -123,7 +177,9 @@ def test_a_worker_process_ends_with_its_parent(tmp_path):
 import os, time
 from types import SimpleNamespace
 import numpy as np
+from taxel.gap.fitting import parallel
 from taxel.gap.fitting.parallel import MIN_PARALLEL_VALUES, map_in_processes
+parallel.count_processes = lambda: 2
 here = os.getpid()
 def work(item):
     if os.getpid() != here:

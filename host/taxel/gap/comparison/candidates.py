@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import math
+import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -71,6 +73,14 @@ class Candidate:
         return frozenset(self.composite.names)
 
 
+class CoarseFit(NamedTuple):
+    """Coarse fit of a set of effects: composite model, log density plus log prior, and seconds that the fit took."""
+
+    composite: CompositeModel
+    value: float
+    seconds: float
+
+
 Sets = dict[frozenset[str], Candidate]
 """Best candidate of each set of effects, by the names of the effects."""
 
@@ -113,16 +123,21 @@ class CandidateSearch:
             progress(size, self._settings.largest_set)
             coarse_fits = self._fit_coarsely(base)
             if not size:
-                for composite, _ in coarse_fits:
-                    single_fits.setdefault(composite.names[0], composite.fitted_effects[0])
+                for coarse in coarse_fits:
+                    single_fits.setdefault(coarse.composite.names[0], coarse.composite.fitted_effects[0])
             number_of_fits = self._settings.candidates[min(size, 1)]  # element 0: first iteration, 1: all others
             # Effects that are found by inspection cost no fit: they are always compared.
-            composites = [
-                composite
-                for rank, (composite, _) in enumerate(coarse_fits)
-                if rank < number_of_fits or set(composite.names) - base.names <= set(INSPECTED_EFFECTS)
+            selected = [
+                coarse
+                for rank, coarse in enumerate(coarse_fits)
+                if rank < number_of_fits or set(coarse.composite.names) - base.names <= set(INSPECTED_EFFECTS)
             ]
-            extended = map_in_processes(self._fit_data.state, self.fit, composites)
+            extended = map_in_processes(
+                self._fit_data.state,
+                lambda coarse: self.fit(coarse.composite),
+                selected,
+                [coarse.seconds for coarse in selected],
+            )
             for candidate in extended:
                 previous = sets.get(candidate.names)
                 if previous is None or candidate.value > previous.value:
@@ -180,11 +195,10 @@ class CandidateSearch:
             composite, features, prediction, in_sample, held_out, self.compute_log_prior(composite), uncertain
         )
 
-    def _fit_coarsely(self, base: Candidate) -> list[tuple[CompositeModel, float]]:
+    def _fit_coarsely(self, base: Candidate) -> list[CoarseFit]:
         """Fit every further effect coarsely together with the effects of `base`.
 
-        Return composite models with their log density plus log prior, largest first; for each effect and scope only the
-        best form. The forms of an effect are compared by the Akaike criterion: a fit to the same data increases the log
+        Return the fits, largest log density plus log prior first; for each effect and scope only the best form. The forms of an effect are compared by the Akaike criterion: a fit to the same data increases the log
         density by one for each superfluous value, compared with new data. Forms whose fitted values have no
         consequence of their own (`Effect.is_idle`) are omitted. The effects act on the first simulated contact of each
         condition.
@@ -202,10 +216,11 @@ class CandidateSearch:
             for fitted_effect in self._list_start_forms(name, base)
         ]
 
-        def fit_one(fitted_effect: FittedEffect) -> tuple[CompositeModel, float] | None:
-            """Return the composite model with one more effect, coarsely fitted, and its log density plus log prior;
-            None if the fitted values have no consequence of their own.
+        def fit_one(fitted_effect: FittedEffect) -> CoarseFit | None:
+            """Return the coarse fit with one more effect; None if the fitted values have no consequence of their
+            own.
             """
+            start_s = time.perf_counter()
             composite = base.composite.with_effect(fitted_effect)
             fit = self._coarse_data.fit_in_sample(
                 composite, INSPECTED_EFFECTS, self._settings.coarse_iterations, fixed_columns
@@ -215,9 +230,10 @@ class CandidateSearch:
                 return None
             uncertain = find_uncertain_change(state, fit.composite, fit.features)
             density = float(self._density.compute_log_density(fit.features, uncertain).sum())
-            return fit.composite, density + self.compute_log_prior(fit.composite)
+            value = density + self.compute_log_prior(fit.composite)
+            return CoarseFit(fit.composite, value, time.perf_counter() - start_s)
 
-        best: dict[tuple[str, str], tuple[CompositeModel, float]] = {}
+        best: dict[tuple[str, str], CoarseFit] = {}
         criteria: dict[tuple[str, str], float] = {}
         for fitted_effect, fitted in zip(
             start_forms, map_in_processes(self._fit_data.state, fit_one, start_forms), strict=True
@@ -225,10 +241,10 @@ class CandidateSearch:
             key = fitted_effect.effect.name, fitted_effect.effect.scope
             if fitted is None:
                 continue
-            criterion = fitted[1] - fitted_effect.values.size
+            criterion = fitted.value - fitted_effect.values.size
             if criterion > criteria.get(key, -math.inf):
                 best[key], criteria[key] = fitted, criterion
-        return sorted(best.values(), key=lambda pair: -pair[1])
+        return sorted(best.values(), key=lambda fitted: -fitted.value)
 
     def _list_start_forms(self, name: str, base: Candidate) -> list[FittedEffect]:
         """Return the available forms of an effect with their start values.

@@ -6,13 +6,14 @@ condition of this session. Only a comparison of the sessions shows that it is a 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from scipy.stats import t as student_t
 
+from taxel.gap.features.distributions import compute_student_survival
 from taxel.gap.fitting.fit_data import FitData
 from taxel.types import FloatArray
 
@@ -53,8 +54,9 @@ def compute_consistency(products: FloatArray, squares: FloatArray) -> Consistenc
     error = np.sqrt((count - 1) / count * np.sum((without_one - without_one.mean()) ** 2))
     degrees_of_freedom = total**2 / float(np.sum(squares**2)) - 1.0
     ratio = amplitude / max(float(error), np.finfo(float).tiny)
-    log_survival = float(student_t.logsf(ratio, max(degrees_of_freedom, 1e-3)))
-    return Consistency(amplitude, -log_survival)
+    survival = compute_student_survival(ratio, max(degrees_of_freedom, 1e-3))
+    # Sessions without any variation give a probability of 0: the smallest number keeps the evidence finite.
+    return Consistency(amplitude, -math.log(max(survival, float(np.finfo(float).tiny))))
 
 
 def compute_session_consistency(

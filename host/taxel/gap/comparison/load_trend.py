@@ -6,10 +6,10 @@ with the load, they imitate another effect, such as a saturation.
 
 from __future__ import annotations
 
+import math
 from typing import Final
 
 import numpy as np
-from scipy.stats import linregress
 
 from taxel.gap.effects.effect import HAND, OBJECT
 from taxel.gap.fitting.composite import FittedEffect
@@ -37,12 +37,19 @@ def compute_load_trend(state: State, fitted_effect: FittedEffect) -> float:
     is_loaded = loads > LOADED_COUNTS
     if is_loaded.sum() < MIN_BLOCKS:
         return 0.0
-    t_values = [0.0]
-    for values in fitted_effect.values:
-        regression = linregress(np.log(loads[is_loaded]), values[is_loaded])
-        if regression.stderr > 0.0:
-            t_values.append(abs(regression.slope / regression.stderr))
-    return float(max(t_values))
+    log_loads = np.log(loads[is_loaded])
+    return max(compute_slope_t(log_loads, values[is_loaded]) for values in fitted_effect.values)
+
+
+def compute_slope_t(x: FloatArray, y: FloatArray) -> float:
+    """Compute the absolute t value of the slope of a regression of y f64[m] on x f64[m]: slope divided by its standard
+    error. 0 if the line fits exactly, or if all x are equal.
+    """
+    x, y = x - x.mean(), y - y.mean()
+    square = float(x @ x)
+    slope = float(x @ y) / square if square > 0.0 else 0.0
+    variance = float(np.sum((y - slope * x) ** 2)) / (len(x) - 2)
+    return abs(slope) * math.sqrt(square / variance) if variance > 0.0 else 0.0
 
 
 def _compute_loads(state: State, fitted_effect: FittedEffect) -> FloatArray:

@@ -67,7 +67,6 @@ class ElectrodeCrosstalk(Effect):
             return signal
         signal_counts = state.to_signal_counts(signal)
         result = signal_counts.copy()
-        nodes = np.arange(signal_counts.shape[1])
         for number, board in enumerate(find_board_lines(state.pair)):
             board_counts = signal_counts[:, :, board.columns]
             rows = np.flatnonzero(board_counts.any(axis=(1, 2)))  # many boards of a hand have no signal
@@ -77,7 +76,11 @@ class ElectrodeCrosstalk(Effect):
             mixing = np.tensordot(block_values[: len(board.coupling)], board.coupling[: len(block_values)], axes=1)
             if self._has_own_loss:  # own_ratio (row 4) times the sum of the absolute fractions (rows 0 to 3)
                 mixing[np.diag_indices_from(mixing)] += block_values[4] * np.abs(block_values[:4]).sum()
-            result[np.ix_(rows, nodes, board.taxels)] += board_counts[rows] @ mixing
+            gained = board_counts[rows] @ mixing
+            if isinstance(board.columns, slice):
+                result[rows, :, board.columns] += gained
+            else:
+                result[np.ix_(rows, np.arange(signal_counts.shape[1]), board.columns)] += gained
         return signal.with_signal_counts(result)
 
 

@@ -1,7 +1,7 @@
-"""Parallel map over two threads or two processes, for data sets that are large enough to gain from it.
+"""Parallel map over threads or processes, one for each core, for data sets that are large enough to gain from it.
 
-Two threads share the lock of the Python interpreter, and many short array operations hold this lock: two threads are
-only about a third faster than one. A forked process has an interpreter of its own and shares the memory of all data
+Threads share the lock of the Python interpreter, and many short array operations hold this lock: two threads are only
+about a third faster than one. A forked process has an interpreter of its own and shares the memory of all data
 that were read before the fork, so that no input has to be serialised.
 """
 
@@ -12,9 +12,10 @@ import os
 import pickle
 import signal
 import struct
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack, contextmanager, suppress
+from dataclasses import dataclass
 from typing import Any, BinaryIO, Final, TypeVar
 
 from taxel.gap.fitting.state import State
@@ -22,44 +23,63 @@ from taxel.gap.fitting.state import State
 Item = TypeVar("Item")
 Result = TypeVar("Result")
 
-N_THREADS: Final = 2
+MAX_PROCESSES: Final = 8
+"""Largest number of threads or processes (chosen): the longest of a few dozen items determines the time of more
+processes, and every process has its own temporary arrays."""
+
 MIN_PARALLEL_VALUES: Final = 200_000
 """Number of values of the simulated signal [Q, K, n] from which work is distributed (chosen): for smaller data the
 overhead of threads and processes exceeds the gain."""
 
 MAX_ITEMS: Final = 255
-"""Largest number of items for two processes: the index of an item is transmitted as one byte."""
+"""Largest number of items for several processes: the index of an item is transmitted as one byte."""
 
 _HEADER: Final = struct.Struct("<BQ")
 """Header of each result from the forked process: index of the item (u8) and length of the pickled result (u64)."""
 
 
 def map_in_threads(state: State, work: Callable[[Item], Result], items: Iterable[Item]) -> list[Result]:
-    """Apply `work` to every item in two threads, and return the results in the order of the items.
+    """Apply `work` to every item in one thread for each core, and return the results in the order of the items.
 
     Preferable to `map_in_processes` if the results are large, because they need not be serialised. Data with fewer than
     `MIN_PARALLEL_VALUES` values are processed without further threads. Raises the exception of the first failed item.
     """
     if state.signal_counts.size < MIN_PARALLEL_VALUES:
         return [work(item) for item in items]
-    with ThreadPoolExecutor(N_THREADS) as pool:
+    with ThreadPoolExecutor(count_processes()) as pool:
         return list(pool.map(work, items))
 
 
-def map_in_processes(state: State, work: Callable[[Item], Result], items: Iterable[Item]) -> list[Result]:
-    """Apply `work` to every item in this and a forked process, and return the results in the order of the items.
+def count_processes() -> int:
+    """Return the number of processes that share work: one for each core that this process may use, at most
+    `MAX_PROCESSES`.
+    """
+    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    return min(cores, MAX_PROCESSES)
 
-    Side effects of `work` in the forked process are lost. An item whose work fails or whose result cannot be pickled in
-    the forked process is processed again in this process, which raises the exception. If the fork fails, two threads do
-    the work. Nested calls, data with fewer than `MIN_PARALLEL_VALUES` values, a single item, and more than `MAX_ITEMS`
-    items are processed in this process alone.
+
+def map_in_processes(
+    state: State, work: Callable[[Item], Result], items: Iterable[Item], costs: Sequence[float] = ()
+) -> list[Result]:
+    """Apply `work` to every item in this and in forked processes, and return the results in the order of the items.
+
+    There is one process for each core (`count_processes`). costs: expected time of each item in any unit; the items
+    with the largest costs are processed first, so that all processes end at about the same time. Empty: unknown.
+
+    Side effects of `work` in a forked process are lost. An item whose work fails or whose result cannot be pickled in a
+    forked process is processed again in this process, which raises the exception. If no process can be forked, threads
+    do the work. Nested calls, data with fewer than `MIN_PARALLEL_VALUES` values, a single item, more than `MAX_ITEMS`
+    items, and a single core are processed in this process alone.
     """
     all_items = list(items)
-    if state.signal_counts.size < MIN_PARALLEL_VALUES or not 1 < len(all_items) <= MAX_ITEMS or _Distribution.is_active:
+    workers = min(count_processes(), len(all_items)) - 1
+    is_small = state.signal_counts.size < MIN_PARALLEL_VALUES
+    if is_small or workers < 1 or len(all_items) > MAX_ITEMS or _Distribution.is_active:
         return [work(item) for item in all_items]
+    order = sorted(range(len(all_items)), key=lambda index: -costs[index]) if costs else range(len(all_items))
     _Distribution.is_active = True
     try:
-        results_by_index = _run_in_two_processes(work, all_items) if hasattr(os, "fork") else None
+        results_by_index = _run_in_processes(work, all_items, order, workers) if hasattr(os, "fork") else None
     finally:
         _Distribution.is_active = False
     if results_by_index is None:
@@ -70,74 +90,127 @@ def map_in_processes(state: State, work: Callable[[Item], Result], items: Iterab
 
 
 class _Distribution:
-    """Flag, inherited by a forked process: work is distributed at present, and both cores are busy."""
+    """Flag, inherited by a forked process: work is distributed at present, and all cores are busy."""
 
     is_active = False
 
 
-def _run_in_two_processes(work: Callable[[Item], Result], items: list[Item]) -> dict[int, Result] | None:
-    """Return the results by index of the item; None if the fork fails. Items whose work failed in the forked process,
-    or whose result was not received, are missing.
+@dataclass(frozen=True)
+class _Worker:
+    """A forked process: its id, and the pipe with its results."""
 
-    Both processes read the index of their next item from one pipe until the pipe is empty.
+    pid: int
+    received: BinaryIO
+
+
+def _run_in_processes(
+    work: Callable[[Item], Result], items: list[Item], order: Sequence[int], workers: int
+) -> dict[int, Result] | None:
+    """Return the results by index of the item; None if no process can be forked. Items whose work failed in a forked
+    process, or whose result was not received, are missing.
+
+    order: indices of the items in the order in which they are started. workers: number of forked processes. All
+    processes read the index of their next item from one pipe until the pipe is empty.
     """
     with _block_interrupts():
         try:
-            pid, remaining, received = _fork_worker(work, items)
+            remaining, forked = _fork_workers(work, items, order, workers)
         except OSError:
             return None
     results_by_index: dict[int, Result] = {}
     try:
         while index_byte := remaining.read(1):
             results_by_index[index_byte[0]] = work(items[index_byte[0]])
-        while len(header := received.read(_HEADER.size)) == _HEADER.size:
-            index, size = _HEADER.unpack(header)
-            data = received.read(size)
-            if len(data) == size:
-                results_by_index[index] = pickle.loads(data)
+        for worker in forked:
+            results_by_index |= _receive_results(worker.received)
     finally:
         remaining.close()
-        received.close()
-        with suppress(ProcessLookupError, ChildProcessError):  # worker ended, or exit status collected
-            os.kill(pid, signal.SIGKILL)
-            os.waitpid(pid, 0)
+        for worker in forked:
+            _end_worker(worker)
     return results_by_index
 
 
-def _fork_worker(work: Callable[[Any], Any], items: list[Any]) -> tuple[int, BinaryIO, BinaryIO]:
-    """Fork a worker process; return its process id, the pipe with the indices of remaining items, and the pipe with its
-    results.
+def _receive_results(received: BinaryIO) -> dict[int, Any]:
+    """Return the results of a worker process by index of the item, until it closes its pipe or a result is cut off."""
+    results = {}
+    while len(header := received.read(_HEADER.size)) == _HEADER.size:
+        index, size = _HEADER.unpack(header)
+        data = received.read(size)
+        if len(data) == size:
+            results[index] = pickle.loads(data)
+    return results
 
-    The worker processes items at once, see `_run_worker`. Raises OSError if a pipe or the process cannot be created.
+
+def _end_worker(worker: _Worker) -> None:
+    """Close the pipe of a worker process and end the process."""
+    worker.received.close()
+    with suppress(ProcessLookupError, ChildProcessError):  # worker ended, or exit status collected
+        os.kill(worker.pid, signal.SIGKILL)
+        os.waitpid(worker.pid, 0)
+
+
+def _fork_workers(
+    work: Callable[[Any], Any], items: list[Any], order: Sequence[int], workers: int
+) -> tuple[BinaryIO, list[_Worker]]:
+    """Fork worker processes; return the pipe with the indices of the remaining items, and the processes.
+
+    The workers process items at once, see `_run_worker`. Raises OSError if the first pipe or process cannot be created;
+    later failures only reduce the number of workers.
+    """
+    reading, writing = os.pipe()
+    with os.fdopen(writing, "wb") as queue:
+        queue.write(bytes(order))
+    remaining = os.fdopen(reading, "rb", 0)
+    forked: list[_Worker] = []
+    for _ in range(workers):
+        try:
+            forked.append(_fork_worker(work, items, remaining, forked))
+        except OSError:
+            break
+    if not forked:
+        remaining.close()
+        raise BlockingIOError("no process can be forked")
+    return remaining, forked
+
+
+def _fork_worker(
+    work: Callable[[Any], Any], items: list[Any], remaining: BinaryIO, others: Sequence[_Worker]
+) -> _Worker:
+    """Fork one worker process. remaining: pipe with the indices of the remaining items. others: workers that were
+    forked before, whose pipes the new process closes.
+
+    Raises OSError if the pipe or the process cannot be created.
     """
     with ExitStack() as opened:
-        ends: list[Any] = []
-        for _ in range(2):
-            pair = os.pipe()
-            ends += [opened.enter_context(os.fdopen(pair[0], "rb", 0)), opened.enter_context(os.fdopen(pair[1], "wb"))]
-        remaining, queue, received, output = ends
-        queue.write(bytes(range(len(items))))
-        queue.close()
+        reading, writing = os.pipe()
+        received = opened.enter_context(os.fdopen(reading, "rb", 0))
+        output = opened.enter_context(os.fdopen(writing, "wb"))
         parent = os.getpid()
         pid = os.fork()
         if pid == 0:
-            _run_worker(work, items, parent, remaining, received, output)
+            _run_worker(work, items, parent, remaining, [received, *(other.received for other in others)], output)
         output.close()
         opened.pop_all()
-    return pid, remaining, io.BufferedReader(received)
+    return _Worker(pid, io.BufferedReader(received))
 
 
 def _run_worker(
-    work: Callable[[Any], Any], items: list[Any], parent: int, remaining: BinaryIO, received: BinaryIO, output: BinaryIO
+    work: Callable[[Any], Any],
+    items: list[Any],
+    parent: int,
+    remaining: BinaryIO,
+    inherited: Iterable[BinaryIO],
+    output: BinaryIO,
 ) -> None:
     """Run the worker process: process items until none is left, send all results, and exit.
 
     parent: process id of the parent, without which the worker stops. remaining: pipe with the indices of remaining
-    items. received: the parent's end of the pipe `output`, to which the results are written. Never returns: the code of
-    the caller must not run in the forked process.
+    items. inherited: the parent's ends of pipes. output: pipe to which the results are written. Never returns: the code
+    of the caller must not run in the forked process.
     """
     try:
-        received.close()  # otherwise writing would not fail after the parent has closed its end
+        for pipe in inherited:
+            pipe.close()  # otherwise writing would not fail after the parent has closed its end
         results = []
         while os.getppid() == parent and (index_byte := remaining.read(1)):
             with suppress(Exception):  # the parent repeats failed items and raises their errors
