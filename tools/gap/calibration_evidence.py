@@ -27,6 +27,7 @@ from taxel.blind.benchmark.worlds import (
     FAMILIES,
     KINDS,
     SENSOR_FAMILIES,
+    TOO_WEAK,
     BenchmarkWorld,
     sample_benchmark,
 )
@@ -94,11 +95,13 @@ def collect_evidence(world: BenchmarkWorld, bases: Path, datasets: Path | None) 
             if not (folder / MADE).exists():
                 shutil.rmtree(folder, ignore_errors=True)
                 folder.mkdir(parents=True)
-                world.make(folder / "real.h5", folder / "sim.h5", bases)
-                write_whole(folder / MADE, json.dumps(world.to_json()))
+                sizes = world.make(folder / "real.h5", folder / "sim.h5", bases)
+                write_whole(folder / MADE, json.dumps(world.to_json() | {"sizes": list(sizes)}))
+            sizes = tuple(json.loads((folder / MADE).read_text())["sizes"])
+            world = world.without_weak_causes(sizes)
             with threadpool_limits(limits=1):  # as in `compare`; both comparisons use the same prepared data
                 data = prepare_pair(read_pair(folder / "real.h5", folder / "sim.h5"))
-                evidence = describe_evidence(world, compare_sets(data, choose_effects()))
+                evidence = describe_evidence(world, compare_sets(data, choose_effects())) | {"sizes": list(sizes)}
                 if world.kind == "single":
                     without = compare_sets(data, choose_effects(world.truth))
                     evidence["without"] = describe_evidence(world, without) | UNKNOWN_CAUSE
@@ -251,9 +254,9 @@ def _give_shares(weights: FloatArray, groups: NDArray[np.str_], shares: Mapping[
 
 
 def _is_too_weak(one: dict[str, Any]) -> bool:
-    """Return whether the single cause of a world changes the data too little to count as a cause.
+    """Return whether the causes of a world change the data too little to count as causes.
 
     The root of the excess, which is the squared gap minus the squared floor, must be at least `SMALLEST_CAUSE` floors.
     """
     _, floor, excess = one["gap"]
-    return len(one["truth"]) == 1 and max(excess, 0.0) ** 0.5 < SMALLEST_CAUSE * floor
+    return one["kind"] == TOO_WEAK or (len(one["truth"]) == 1 and max(excess, 0.0) ** 0.5 < SMALLEST_CAUSE * floor)

@@ -14,7 +14,7 @@ from taxel.blind.benchmark import run
 from taxel.blind.benchmark.entries import check_answer, load_entry
 from taxel.blind.benchmark.faults import FAULTS, damage
 from taxel.blind.benchmark.scoring import ScoredAnswer, score_answers
-from taxel.blind.benchmark.worlds import FAMILIES, GRASPS, INDENTATIONS, sample_benchmark
+from taxel.blind.benchmark.worlds import FAMILIES, GRASPS, INDENTATIONS, INJECTED, TOO_WEAK, sample_benchmark
 from taxel.errors import TaxelError
 from taxel.plugins import PluginError
 from taxel.recording.grasp_dataset import GraspDataset
@@ -88,6 +88,29 @@ def test_calibration_error_is_the_difference_between_stated_probability_and_true
     assert score_answers(answers)["calibration error"] == pytest.approx(0.0)
     answers = [answer([], "none", noise=0.75) for _ in range(4)]
     assert score_answers(answers)["calibration error"] == pytest.approx(0.75)
+
+
+def select_world(kind, causes):
+    """Return a world with injected causes of this kind and number of causes."""
+    worlds = sample_benchmark(100, 3, [INJECTED])
+    return next(world for world in worlds if world.kind == kind and len(world.truth) == causes)
+
+
+def test_injected_cause_below_half_a_floor_is_no_cause_of_its_world():
+    world = select_world("several", 3)
+    assert world.without_weak_causes([0.6, 0.5, 3.0]) is world
+    weak = world.without_weak_causes([0.4, 0.5, 3.0])
+    assert (weak.truth, weak.kind, weak.forms) == (world.truth[1:], "several", world.forms)
+    weak = world.without_weak_causes([0.4, 0.2, 3.0])
+    assert (weak.truth, weak.kind) == (world.truth[2:], "single")
+    for kind in ("single", "outside"):
+        weak = select_world(kind, 1).without_weak_causes([0.3])
+        assert (weak.truth, weak.kind) == ((), TOO_WEAK)
+
+
+def test_world_without_injected_causes_keeps_its_truth():
+    world = sample_benchmark(1, 5, [INDENTATIONS])[0]
+    assert world.without_weak_causes(()) is world
 
 
 @pytest.fixture(scope="module")

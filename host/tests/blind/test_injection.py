@@ -127,10 +127,47 @@ def test_injected_cause_of_3_floors_gives_a_gap_of_about_3_3_floors(bases, tmp_p
     """
     real, sim = BASE.provide(bases)
     (form,) = (one for one in INJECTED_FORMS if one.form == "ladder")
-    inject_causes(real, sim, tmp_path / "real.h5", [form], floors=[3.0], seed=1)
+    (size,) = inject_causes(real, sim, tmp_path / "real.h5", [form], floors=[3.0], seed=1)
+    assert size == pytest.approx(3.0, rel=0.2)
     fit_data = prepare_pair(read_pair(tmp_path / "real.h5", sim))
     gap = measure_gap(fit_data.sessions, fit_data.state.mean, fit_data.layout)
     assert gap.gap.value / gap.floor == pytest.approx(3.3, rel=0.3)
+
+
+@pytest.mark.slow
+def test_sizes_of_several_injected_causes_are_those_of_each_cause_alone(bases, tmp_path):
+    """The sizes of two causes are those of two worlds with one cause each, in relation to the floor of their own pair.
+
+    The noise increases the floor, so that the other cause becomes smaller in floors.
+    """
+    real, sim = BASE.provide(bases)
+    ladder, noise = (next(one for one in INJECTED_FORMS if test(one)) for test in (is_ladder, is_noise))
+    both = inject_causes(real, sim, tmp_path / "both.h5", [ladder, noise], floors=[3.0, 6.0], seed=1)
+    floors = {}
+    for name, path in (("base", real), ("both", tmp_path / "both.h5")):
+        pair = prepare_pair(read_pair(path, sim))
+        floors[name] = measure_gap(pair.sessions, pair.state.mean, pair.layout).floor
+    assert floors["both"] > floors["base"]
+    assert both[0] == pytest.approx(3.0 * floors["base"] / floors["both"], rel=0.2)
+
+
+def is_ladder(form):
+    """Whether a form is the ladder of resistances."""
+    return form.form == "ladder"
+
+
+def is_noise(form):
+    """Whether a form is a noise."""
+    return form.name == "noise"
+
+
+@pytest.mark.slow
+def test_strength_of_an_injected_cause_is_limited(bases, tmp_path):
+    """A gap of 10,000 floors requires a strength beyond the limit; the size states the gap that was reached."""
+    real, sim = BASE.provide(bases)
+    (form,) = filter(is_ladder, INJECTED_FORMS)
+    (size,) = inject_causes(real, sim, tmp_path / "real.h5", [form], floors=[1e4], seed=1)
+    assert 1.0 < size < 1e3
 
 
 @pytest.mark.slow

@@ -12,7 +12,7 @@ from functools import partial
 from multiprocessing import get_context
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any
+from typing import Any, Final
 
 from taxel.blind.benchmark.entries import check_answer, load_entry
 from taxel.blind.benchmark.scoring import ScoredAnswer, score_answers
@@ -23,6 +23,9 @@ from taxel.output import AppendedLines, read_complete_lines, write_whole
 
 ANSWERS, BASES = "answers.jsonl", "bases"
 """Names of the file of answers, and of the folder of datasets without a cause, in the folder of a run."""
+
+WORLD_FIELDS: Final = ("gap", "truth", "kind")
+"""Fields of a line of answers that describe the world as it was made: gap and floor in counts, causes, and kind."""
 
 
 def run_benchmark(
@@ -59,7 +62,7 @@ def run_benchmark(
             line = {"number": world.number, **run, **record}
             file.append(json.dumps(line))
             answers.setdefault(world.number, {}).update(record["entries"])
-            answers[world.number]["gap"] = record["gap"]
+            answers[world.number] |= {name: record[name] for name in WORLD_FIELDS}
             progress(done, count)
     score = {name: _score_entry(name, worlds, answers) for name in entries}
     settings = {name: value for name, value in run.items() if name != "count"}
@@ -71,8 +74,8 @@ def diagnose_world(world: BenchmarkWorld, entries: Sequence[str], seed: int, bas
     """Make a world in a temporary folder and diagnose it with every entry (name of a diagnosis).
 
     bases: folder of the datasets without a cause. Returns under "gap" the gap and the floor of the world, or None if
-    they cannot be measured, and under "entries" for each name the probabilities, the run time in seconds and, if the
-    diagnosis failed, its error.
+    they cannot be measured, under "truth" and "kind" its causes and kind as made, and under "entries" for each name the
+    probabilities, the run time in seconds and, if the diagnosis failed, its error.
     """
     from taxel.gap.data.pair import read_pair
     from taxel.gap.data.prepare import prepare_pair
@@ -81,7 +84,8 @@ def diagnose_world(world: BenchmarkWorld, entries: Sequence[str], seed: int, bas
     result: dict[str, Any] = {"gap": None, "entries": {}}
     with TemporaryDirectory(prefix="taxel-benchmark-") as name:
         real, sim = Path(name) / "real.h5", Path(name) / "sim.h5"
-        world.make(real, sim, bases)
+        made = world.without_weak_causes(world.make(real, sim, bases))
+        result |= {"truth": list(made.truth), "kind": made.kind}
         try:
             fit_data = prepare_pair(read_pair(real, sim))
             gap = measure_gap(fit_data.sessions, fit_data.state.mean, fit_data.layout)
@@ -109,7 +113,7 @@ def _read_answers(path: Path, run: Mapping[str, Any]) -> dict[int, dict[str, Any
             line = json.loads(text)
             is_same = all(line[key] == run[key] for key in ("count", "seed", "families"))
             is_same = is_same and line.get("forms") == run.get("forms")  # absent: the forms of the calibration
-            answer = {**line["entries"], "gap": line["gap"]}
+            answer = {**line["entries"], **{name: line[name] for name in WORLD_FIELDS}}
         except (ValueError, KeyError, TypeError):
             raise TaxelError(
                 f"{path}: line {number}: expected an answer; remove the file or choose another --out"
@@ -126,10 +130,10 @@ def _score_entry(name: str, worlds: Sequence[BenchmarkWorld], answers: dict[int,
     """Compute the measures of one diagnosis over all worlds (key "all"), and for each family of worlds."""
     scored = []
     for world in worlds:
-        answer, gap = answers[world.number][name], answers[world.number]["gap"]
-        ratio = gap[0] / max(gap[1], 1e-9) if gap else 0.0
-        truth, probabilities = frozenset(world.truth), answer["probabilities"]
-        scored.append(ScoredAnswer(truth, world.kind, world.family, probabilities, ratio, answer["seconds"]))
+        answer, made = answers[world.number][name], answers[world.number]
+        ratio = made["gap"][0] / max(made["gap"][1], 1e-9) if made["gap"] else 0.0
+        truth, probabilities = frozenset(made["truth"]), answer["probabilities"]
+        scored.append(ScoredAnswer(truth, made["kind"], world.family, probabilities, ratio, answer["seconds"]))
     families = sorted({one.family for one in scored})
     by_family = {family: score_answers([one for one in scored if one.family == family]) for family in families}
     return {"all": score_answers(scored), **by_family}

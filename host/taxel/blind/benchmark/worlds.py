@@ -21,6 +21,7 @@ from taxel.blind.loaded_locations import SimulatedLoads
 from taxel.blind.sampling import sample_worlds
 from taxel.blind.world import World
 from taxel.blind.world_datasets import make_world
+from taxel.gap.calibration.calibration import SMALLEST_CAUSE
 
 INDENTATIONS, EMULATED_GRASPS, INJECTED, GRASPS, MEASURED = (
     "indentations",
@@ -47,6 +48,10 @@ FAULTY_SHARE: Final = 0.15
 
 KINDS: Final = {"none": 0.15, "single": 0.5, "several": 0.2, "outside": 0.15}
 """Share of each kind of injected worlds: no cause, one, two or three causes, and a cause outside the catalogue."""
+
+TOO_WEAK: Final = "too weak"
+"""Kind of a world whose injected causes turned out to be too weak to be causes. It enters the measures of all worlds
+only, because an answer with or without these causes is acceptable."""
 
 FLOORS: Final = (0.5, 6.0)
 """Smallest and largest gap that an injected cause alone produces, in floors; sampled uniformly in the logarithm."""
@@ -79,12 +84,15 @@ class BenchmarkWorld:
     fault: str = ""
     fault_seed: int = 0
 
-    def make(self, real: Path, sim: Path, bases: Path) -> None:
-        """Write the two datasets of the world. bases: folder of the datasets without a cause, filled as needed.
+    def make(self, real: Path, sim: Path, bases: Path) -> tuple[float, ...]:
+        """Write the two datasets of the world, and return the gap that each injected cause alone produces, in floors;
+        nothing for a world without injected causes.
 
         The type of `source` determines how: a world of the blind check, a world of another sensor, the seed of a world
-        of grasps, or a base with the seed of the injection. Raises TaxelError with a one-line message.
+        of grasps, or a base with the seed of the injection. bases: folder of the datasets without a cause, filled as
+        needed. Raises TaxelError with a one-line message.
         """
+        sizes: list[float] = []
         if isinstance(self.source, World):
             make_world(self.source, real, sim)
         elif isinstance(self.source, ModalityWorld):
@@ -99,11 +107,23 @@ class BenchmarkWorld:
             shutil.copyfile(second, sim)
             forms = [one for name in self.forms for one in (*INJECTED_FORMS, *RESERVED_FORMS) if _label(one) == name]
             if forms:
-                inject_causes(first, second, real, forms, self.floors, seed)
+                sizes = inject_causes(first, second, real, forms, self.floors, seed)
             else:
                 shutil.copyfile(first, real)
         if self.fault:
             damage(sim, self.fault, self.fault_seed)
+        return tuple(sizes)
+
+    def without_weak_causes(self, sizes: Sequence[float]) -> BenchmarkWorld:
+        """Return the world with the truth of its datasets: an injected cause that alone produces a gap below
+        `SMALLEST_CAUSE` floors is no cause (definition of the gap report).
+
+        sizes: result of `make`. The kind is "single" if one cause remains, and `TOO_WEAK` if none remains.
+        """
+        if not sizes or min(sizes) >= SMALLEST_CAUSE:
+            return self
+        truth = tuple(name for name, size in zip(self.truth, sizes, strict=True) if size >= SMALLEST_CAUSE)
+        return replace(self, truth=truth, kind={0: TOO_WEAK, 1: "single"}.get(len(truth), self.kind))
 
     def to_json(self) -> dict[str, Any]:
         """Return the hidden truth of the world as JSON values."""

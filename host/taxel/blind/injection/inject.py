@@ -15,6 +15,7 @@ from taxel.blind.injection.skin_counts import GraspSignal, Injection, SkinTable
 from taxel.gap.data.pair import read_pair
 from taxel.gap.data.prepare import prepare_pair
 from taxel.gap.features.metric import compute_gap_of_change, measure_gap
+from taxel.gap.fitting.fit_data import FitData
 from taxel.recording.grasp_dataset import GraspDataset
 from taxel.recording.grasp_format import Phase
 from taxel.recording.hdf5_output import change_hdf5
@@ -33,29 +34,50 @@ COUNT_MAX: Final = 65_535
 def inject_causes(
     real: Path, sim: Path, out: Path, forms: Sequence[InjectedForm], floors: Sequence[float], seed: int
 ) -> list[float]:
-    """Write the real dataset with injected causes to `out`; return the strength of each cause.
+    """Write the real dataset with injected causes to `out`; return the gap that each cause alone produces, in floors of
+    `out` and `sim`.
 
     real, sim: a pair of datasets without causes. forms: forms of the causes, which are applied in this order. floors:
-    gap that each cause alone must produce, in floors of the pair. seed: seed of all random numbers. Raises
-    GapInputError if the pair cannot be compared.
+    gap that each cause alone must produce, in floors of this pair. The result differs from `floors`, because the
+    strengths are limited (`STRENGTHS`), and because other causes can increase the floor. seed: seed of all random
+    numbers. Raises GapInputError if the pair cannot be compared.
     """
     skin = read_skin(real, sim)
     parts = [form.sample(skin, np.random.default_rng([seed, number])) for number, form in enumerate(forms)]
-    strengths = []
-    fit_data = prepare_pair(read_pair(real, sim))
-    floor = measure_gap(fit_data.sessions, fit_data.state.mean, fit_data.layout).floor
+    base = prepare_pair(read_pair(real, sim))
+    floor = _measure_floor(base)
+
+    def inject_alone(part: Injection, strength: float) -> FitData:
+        """Write one cause alone to `out`, and return the pair."""
+        write_injected(real, sim, out, skin, [(part, strength)], seed)
+        return prepare_pair(read_pair(out, sim))
+
+    strengths, gaps = [], []
     for part, wanted in zip(parts, floors, strict=True):
         strength = FIRST_STRENGTH
         for _ in range(STEPS):
-            write_injected(real, sim, out, skin, [(part, strength)], seed)
-            changed = prepare_pair(read_pair(out, sim))
-            change = np.where((fit_data.weight > 0) & (changed.weight > 0), changed.target - fit_data.target, 0.0)
-            gap = compute_gap_of_change(change, fit_data.layout)
             # The gap is approximately proportional to the strength.
-            strength = float(np.clip(strength * wanted * floor / max(gap, 1e-9), *STRENGTHS))
+            gap = max(_measure_change(base, inject_alone(part, strength)), 1e-9)
+            strength = float(np.clip(strength * wanted * floor / gap, *STRENGTHS))
         strengths.append(strength)
-    write_injected(real, sim, out, skin, list(zip(parts, strengths, strict=True)), seed)
-    return strengths
+        pair = inject_alone(part, strength)
+        gaps.append(_measure_change(base, pair))
+    if len(parts) > 1:  # a single cause is written already
+        write_injected(real, sim, out, skin, list(zip(parts, strengths, strict=True)), seed)
+        pair = prepare_pair(read_pair(out, sim))
+    floor = _measure_floor(pair)
+    return [gap / max(floor, 1e-9) for gap in gaps]
+
+
+def _measure_floor(pair: FitData) -> float:
+    """Measure the floor of a pair of datasets, counts."""
+    return measure_gap(pair.sessions, pair.state.mean, pair.layout).floor
+
+
+def _measure_change(before: FitData, after: FitData) -> float:
+    """Measure the gap between the real halves of two pairs of datasets with equal simulations, counts."""
+    change = np.where((before.weight > 0) & (after.weight > 0), after.target - before.target, 0.0)
+    return compute_gap_of_change(change, before.layout)
 
 
 def read_skin(real: Path, sim: Path) -> SkinTable:

@@ -198,10 +198,10 @@ class CandidateSearch:
     def _fit_coarsely(self, base: Candidate) -> list[CoarseFit]:
         """Fit every further effect coarsely together with the effects of `base`.
 
-        Return the fits, largest log density plus log prior first; for each effect and scope only the best form. The forms of an effect are compared by the Akaike criterion: a fit to the same data increases the log
-        density by one for each superfluous value, compared with new data. Forms whose fitted values have no
-        consequence of their own (`Effect.is_idle`) are omitted. The effects act on the first simulated contact of each
-        condition.
+        Return the fits, largest log density plus log prior first; for each effect and scope only the best form. The
+        forms of an effect are compared by the Akaike criterion: a fit to the same data increases the log density by one
+        for each superfluous value, compared with new data. Forms whose fitted values have no consequence of their own
+        (`Effect.is_idle`) are omitted. The effects act on the first simulated contact of each condition.
         """
         state = self._coarse_data.state
         fixed_columns = (
