@@ -10,10 +10,9 @@ import json
 import shutil
 import sys
 from collections.abc import Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures import as_completed
 from dataclasses import asdict, dataclass, replace
 from functools import partial
-from multiprocessing import get_context
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -38,6 +37,7 @@ from taxel.gap.comparison.compare import Comparison, compare_sets
 from taxel.gap.data.pair import read_pair
 from taxel.gap.data.prepare import prepare_pair
 from taxel.gap.effects.catalogue import choose_effects
+from taxel.gap.fitting.parallel import open_diagnosis_pool
 from taxel.output import AppendedLines, read_complete_lines, write_whole
 from taxel.types import FloatArray
 
@@ -95,13 +95,13 @@ def collect_evidence(world: BenchmarkWorld, bases: Path, datasets: Path | None) 
             if not (folder / MADE).exists():
                 shutil.rmtree(folder, ignore_errors=True)
                 folder.mkdir(parents=True)
-                sizes = world.make(folder / "real.h5", folder / "sim.h5", bases)
-                write_whole(folder / MADE, json.dumps(world.to_json() | {"sizes": list(sizes)}))
-            sizes = tuple(json.loads((folder / MADE).read_text())["sizes"])
+                made = world.make(folder / "real.h5", folder / "sim.h5", bases)
+                write_whole(folder / MADE, json.dumps(world.to_json() | {"sizes": made}))
+            sizes = json.loads((folder / MADE).read_text())["sizes"]  # also of datasets of an earlier run
             world = world.without_weak_causes(sizes)
             with threadpool_limits(limits=1):  # as in `compare`; both comparisons use the same prepared data
                 data = prepare_pair(read_pair(folder / "real.h5", folder / "sim.h5"))
-                evidence = describe_evidence(world, compare_sets(data, choose_effects())) | {"sizes": list(sizes)}
+                evidence = describe_evidence(world, compare_sets(data, choose_effects())) | {"sizes": sizes}
                 if world.kind == "single":
                     without = compare_sets(data, choose_effects(world.truth))
                     evidence["without"] = describe_evidence(world, without) | UNKNOWN_CAUSE
@@ -158,7 +158,7 @@ def run(out: Path, sample: Sample, jobs: int | None, datasets: Path | None) -> l
     known = {one["number"] for one in found}
     todo = [world for world in sample.list_worlds() if world.number not in known]
     task = partial(collect_evidence, bases=(datasets or out) / "bases", datasets=datasets)
-    with AppendedLines(path) as file, ProcessPoolExecutor(jobs, mp_context=get_context("spawn")) as pool:
+    with AppendedLines(path) as file, open_diagnosis_pool(jobs, len(todo)) as pool:
         tasks = [pool.submit(task, world) for world in todo]
         for number, finished in enumerate(as_completed(tasks), 1):
             evidence = finished.result()

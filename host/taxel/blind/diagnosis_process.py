@@ -1,6 +1,7 @@
 """Main module of the sandboxed process: diagnoses copied files without access to keys or emulator (`isolation.py`).
 
-Standard input: one JSON object per line, {"real", "sim", "without", "seed", "out"}. The report is written to `out`.
+Standard input: one JSON object per line, {"real", "sim", "without", "seed", "out", "shares_cores"}. The report is
+written to `out`. shares_cores: use one core, because other processes use the others.
 Standard output: one JSON object per line, {} or {"error": "one line"}.
 """
 
@@ -33,7 +34,10 @@ def _diagnose(job: dict[str, Any], fields: dict[str, str]) -> dict[str, str]:
     """
     from taxel.blind.baselines import compute_baseline_verdicts
     from taxel.gap.diagnosis import diagnose
+    from taxel.gap.fitting.parallel import use_one_process
 
+    if job["shares_cores"]:
+        use_one_process()
     try:
         diagnosis = diagnose(job["real"], job["sim"], job["without"], job["seed"])
         report = {**diagnosis.report, "simpler": compute_baseline_verdicts(diagnosis), **fields}

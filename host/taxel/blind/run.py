@@ -49,7 +49,8 @@ def run_worlds(
     if not missing:
         return
     idle_runners: SimpleQueue[SandboxedRunner] = SimpleQueue()
-    runners = [SandboxedRunner(out) for _ in range(min(jobs, len(missing)))]
+    count = min(jobs, len(missing))
+    runners = [SandboxedRunner(out, shares_cores=count > 1) for _ in range(count)]
     for runner in runners:
         idle_runners.put(runner)
     # Ctrl-C must not end the emulator: the run would record the world as not made, as if its plan had no equilibrium.

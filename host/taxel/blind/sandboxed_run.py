@@ -21,11 +21,13 @@ class SandboxedRunner:
     hidden: a folder that the process can never read, such as that of the check.
     """
 
-    def __init__(self, hidden: Path) -> None:
+    def __init__(self, hidden: Path, shares_cores: bool = False) -> None:
         """Start a separate process that diagnoses datasets without access to the hidden causes.
 
-        hidden: folder of the blind check, which the process cannot read.
+        hidden: folder of the blind check, which the process cannot read. shares_cores: whether other such processes run
+        at the same time; a diagnosis then uses one core.
         """
+        self._shares_cores = shares_cores
         self._folder = Path(tempfile.mkdtemp(prefix="taxel-blind-"))
         command = [sys.executable, "-m", "taxel.blind.diagnosis_process", str(self._folder), str(hidden.resolve())]
         environment = {key: os.environ[key] for key in ("PATH", "HOME", "LANG") if key in os.environ}
@@ -52,7 +54,8 @@ class SandboxedRunner:
         names = {"real": "real.h5", "sim": "sim.h5", "out": "report.json"}
         job: dict[str, Any] = {key: str(self._folder / name) for key, name in names.items()}
         (self._folder / "report.json").unlink(missing_ok=True)
-        answer = json.loads(self._request(json.dumps({**job, "without": list(without), "seed": seed})))
+        settings = {"without": list(without), "seed": seed, "shares_cores": self._shares_cores}
+        answer = json.loads(self._request(json.dumps({**job, **settings})))
         if answer:  # an error; the answer {} means that the process has written a report
             write_whole(out, json.dumps(answer))
         else:

@@ -170,7 +170,8 @@ def test_module_names_are_compared_by_whole_components():
 
 
 def test_diagnosing_process_answers_a_failed_diagnosis_with_an_error_and_continues(tmp_path):
-    job = json.dumps({"real": "no.h5", "sim": "no.h5", "without": [], "seed": 0, "out": "report.json"})
+    files = {"real": "no.h5", "sim": "no.h5", "out": "report.json"}
+    job = json.dumps({**files, "without": [], "seed": 0, "shares_cores": True})
     result = subprocess.run(
         [sys.executable, "-m", "taxel.blind.diagnosis_process", str(tmp_path)],
         cwd=tmp_path,

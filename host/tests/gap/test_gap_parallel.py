@@ -6,6 +6,7 @@ import os
 import pickle
 import subprocess
 import sys
+import threading
 import time
 from contextlib import suppress
 from pathlib import Path
@@ -108,6 +109,26 @@ def test_nested_work_runs_in_the_calling_process(state):
     inner = map_in_processes(state, lambda item: len(set(map_in_processes(state, lambda _: os.getpid(), ITEMS))), ITEMS)
     assert set(inner) == {1}
     assert len(set(map_in_processes(state, lambda item: (time.sleep(0.02), os.getpid())[1], ITEMS))) == 2
+
+
+def test_a_process_that_shares_the_cores_does_all_work_itself(state, monkeypatch):
+    monkeypatch.setattr(parallel._Distribution, "is_active", False)  # restored after the test
+    parallel.use_one_process()
+    for share in (map_in_processes, map_in_threads):
+        found = share(state, lambda item: (time.sleep(0.005), os.getpid(), threading.get_ident()), ITEMS)
+        assert {one[1:] for one in found} == {(os.getpid(), threading.get_ident())}
+
+
+def get_distribution(_):
+    """Return whether this process does all work itself."""
+    return parallel._Distribution.is_active
+
+
+@pytest.mark.parametrize(("jobs", "diagnoses", "is_alone"), [(2, 5, True), (2, 1, False), (1, 5, False)])
+def test_diagnoses_of_a_pool_use_one_core_each(jobs, diagnoses, is_alone):
+    """A single process, or the process of a single diagnosis, uses all cores."""
+    with parallel.open_diagnosis_pool(jobs, diagnoses) as pool:
+        assert set(pool.map(get_distribution, range(diagnoses))) == {is_alone}
 
 
 def test_work_on_small_data_runs_in_the_calling_process(state):

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -33,6 +35,31 @@ def test_a_form_with_a_shape_contains_the_simple_form(state, name, simple, value
     expected = compute_signal(state, name, simple, values)
     assert np.abs(expected - state.signal_counts).max() > 10.0
     np.testing.assert_allclose(compute_signal(state, name, shaped, equal), expected, atol=1e-6)
+
+
+def test_propagation_of_the_signal_keeps_the_sum_of_the_signals(state):
+    """The sum changes only by the signal that would spread beyond the edges of the boards, at most a few per cent.
+
+    Propagation of the force keeps the sum of the forces; the sum of the signals then increases, because the force law
+    is steeper at small forces.
+    """
+    before = state.signal_counts.sum()
+    by_signal = compute_signal(state, "contact_propagation", "signal power", [3.0, 0.5, 1.0]).sum()
+    by_force = compute_signal(state, "contact_propagation", "kept power", [3.0, 0.5, 1.0]).sum()
+    assert by_signal == pytest.approx(before, rel=0.05)
+    assert by_force > 1.05 * before
+
+
+@pytest.mark.parametrize("has_force", [True, False])
+def test_forms_that_spread_the_signal_depend_on_the_contact_forces(state, has_force):
+    """With contact forces only the forms with a shape are searched, and their change has an uncertain place."""
+    if not has_force:
+        state = replace(state, base=replace(state.base, force=None, signal_counts=state.signal_counts))
+    forms = [form for form in OWN_EFFECTS["contact_propagation"] if form.variant.startswith("signal")]
+    available = [form for form in forms if not form.find_unavailable_reason(state)]
+    shaped = ["signal power", "signal added power"]
+    assert [form.variant for form in available] == (shaped if has_force else ["signal", "signal added", *shaped])
+    assert all((len(form.change_errors) > 1) == has_force for form in available)
 
 
 def test_a_smooth_saturation_with_a_large_sharpness_clips(state):

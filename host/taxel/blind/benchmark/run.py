@@ -7,9 +7,7 @@ from __future__ import annotations
 import json
 import time
 from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor
 from functools import partial
-from multiprocessing import get_context
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, Final
@@ -19,6 +17,7 @@ from taxel.blind.benchmark.scoring import ScoredAnswer, score_answers
 from taxel.blind.benchmark.worlds import FAMILIES, BenchmarkWorld, sample_benchmark
 from taxel.blind.injection.forms import INJECTED_FORMS, RESERVED_FORMS
 from taxel.errors import TaxelError
+from taxel.gap.fitting.parallel import open_diagnosis_pool
 from taxel.output import AppendedLines, read_complete_lines, write_whole
 
 ANSWERS, BASES = "answers.jsonl", "bases"
@@ -57,7 +56,7 @@ def run_benchmark(
     todo = [world for world in worlds if set(entries) - set(answers.get(world.number, {}))]
     progress(count - len(todo), count)
     task = partial(diagnose_world, entries=tuple(entries), seed=seed, bases=out / BASES)
-    with AppendedLines(out / ANSWERS) as file, ProcessPoolExecutor(jobs, mp_context=get_context("spawn")) as pool:
+    with AppendedLines(out / ANSWERS) as file, open_diagnosis_pool(jobs, len(todo)) as pool:
         for done, (world, record) in enumerate(zip(todo, pool.map(task, todo), strict=True), count - len(todo) + 1):
             line = {"number": world.number, **run, **record}
             file.append(json.dumps(line))

@@ -3,12 +3,9 @@
 from __future__ import annotations
 
 import json
-import os
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from functools import partial
-from multiprocessing import get_context
 from pathlib import Path
 from typing import Final
 
@@ -17,6 +14,7 @@ from taxel.blind.streams.emulation import Stream, make_stream
 from taxel.blind.streams.world import StreamWorld
 from taxel.blind.world_datasets import WorldNotMadeError
 from taxel.campaign.poll_cycles import PollCycles
+from taxel.gap.fitting.parallel import open_diagnosis_pool
 from taxel.output import write_whole
 from taxel.twin import Twin, read_reference
 from taxel.twin.causes import ReferenceFile
@@ -72,8 +70,7 @@ def run_streams(
 
 def _run_in_processes(out: Path, worlds: Sequence[StreamWorld], jobs: int | None) -> Iterator[None]:
     """Run the streams in `jobs` processes (None: one per core); yield None after each stream, in their order."""
-    jobs = min(jobs or os.cpu_count() or 1, max(len(worlds), 1))
-    with ProcessPoolExecutor(jobs, get_context("spawn")) as pool:
+    with open_diagnosis_pool(jobs, len(worlds)) as pool:
         yield from pool.map(partial(run_stream, out), worlds)
 
 

@@ -19,7 +19,7 @@ from taxel.gap.effects.pillar_propagation import PillarPropagation
 from taxel.gap.effects.pose_error import PoseError
 from taxel.gap.effects.proximity import Proximity
 from taxel.gap.effects.saturation import Saturation
-from taxel.gap.effects.signal_propagation import SignalPropagation
+from taxel.gap.effects.signal_propagation import SignalPropagation, SimulatedSignalPropagation
 from taxel.gap.effects.sticking import Sticking
 from taxel.gap.effects.stiffness import CurvedStiffness, Sinking, Stiffness
 from taxel.gap.errors import GapInputError
@@ -37,6 +37,9 @@ PRESSURE_FORMS = ("kept", "added", "kept even", "added even", "kept power", "add
 SIGNAL_FORMS = ("signal", "signal added", "signal power", "signal added power")
 """Forms of contact propagation with a spread of the signal, for a simulation without contact forces."""
 
+SIMULATED_SIGNAL_FORMS = ("signal power", "signal added power")
+"""The same for a simulation with contact forces. These forms contain the other two, which saves fits."""
+
 Forms = Mapping[str, Sequence[Effect]]
 """Forms of each effect, by name of the effect."""
 
@@ -46,6 +49,7 @@ OWN_EFFECTS: Mapping[str, tuple[Effect, ...]] = MappingProxyType(
             *(ContactPropagation(variant) for variant in PRESSURE_FORMS),
             PillarPropagation(),
             *(SignalPropagation(variant) for variant in SIGNAL_FORMS),
+            *(SimulatedSignalPropagation(variant) for variant in SIMULATED_SIGNAL_FORMS),
         ),
         "electrode_crosstalk": (
             ElectrodeCrosstalk("lines"),

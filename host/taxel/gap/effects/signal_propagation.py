@@ -1,11 +1,11 @@
-"""Contact propagation for a simulation without contact forces: a signal spreads to neighbouring taxels."""
+"""Contact propagation of the signal: a share of the signal of a taxel reaches neighbouring taxels."""
 
 from __future__ import annotations
 
 from typing import ClassVar
 
 from taxel.gap.data.missing_inputs import GEOMETRY
-from taxel.gap.effects.contact_propagation import POWER_SUFFIX, SHAPE
+from taxel.gap.effects.contact_propagation import POWER_SUFFIX, SHAPE, ContactPropagation
 from taxel.gap.effects.effect import Effect, Parameter
 from taxel.gap.effects.sheet_kernel import compute_even_kernel
 from taxel.gap.fitting.state import Signal, State
@@ -60,6 +60,26 @@ class SignalPropagation(Effect):
         signal_counts = state.to_signal_counts(signal)
         result = signal_counts.copy() if "added" in self.variant else (1.0 - strength) * signal_counts
         for board in state.pair.boards:
-            kernel = compute_even_kernel(board, spread_m, *values[2:, 0].tolist())
-            result[:, :, board.columns] += strength * (signal_counts[:, :, board.columns] @ kernel)
+            board_counts = signal_counts[:, :, board.columns]
+            if board_counts.any():
+                kernel = compute_even_kernel(board, spread_m, *values[2:, 0].tolist())
+                result[:, :, board.columns] += strength * (board_counts @ kernel)
         return signal.with_signal_counts(result)
+
+
+class SimulatedSignalPropagation(SignalPropagation):
+    """Propagation of the signal that a simulation computes from contact forces.
+
+    It differs from a spread of the forces where the signal is not proportional to the force: the sum of the signals is
+    kept instead of the sum of the forces. The simulated place of contact has an error, so the change has one, too.
+    """
+
+    change_errors: ClassVar[tuple[float, ...]] = ContactPropagation.change_errors
+
+    def find_unavailable_reason(self, state: State) -> str:
+        """Return why the form is unavailable: without contact forces, `SignalPropagation` applies; otherwise as in
+        `Effect`.
+        """
+        if not state.has_force:
+            return "the simulation has no contact forces"
+        return Effect.find_unavailable_reason(self, state)

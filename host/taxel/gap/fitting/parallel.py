@@ -13,9 +13,10 @@ import pickle
 import signal
 import struct
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
+from multiprocessing import get_context
 from typing import Any, BinaryIO, Final, TypeVar
 
 from taxel.gap.fitting.state import State
@@ -44,7 +45,7 @@ def map_in_threads(state: State, work: Callable[[Item], Result], items: Iterable
     Preferable to `map_in_processes` if the results are large, because they need not be serialised. Data with fewer than
     `MIN_PARALLEL_VALUES` values are processed without further threads. Raises the exception of the first failed item.
     """
-    if state.signal_counts.size < MIN_PARALLEL_VALUES:
+    if state.signal_counts.size < MIN_PARALLEL_VALUES or _Distribution.is_active:
         return [work(item) for item in items]
     with ThreadPoolExecutor(count_processes()) as pool:
         return list(pool.map(work, items))
@@ -87,6 +88,24 @@ def map_in_processes(
     return [
         results_by_index[index] if index in results_by_index else work(item) for index, item in enumerate(all_items)
     ]
+
+
+def use_one_process() -> None:
+    """Process all further work of this process in this process alone, because other processes use the other cores.
+
+    A program that diagnoses several pairs of datasets in parallel calls this function in each of its processes.
+    """
+    _Distribution.is_active = True
+
+
+def open_diagnosis_pool(jobs: int | None, diagnoses: int) -> ProcessPoolExecutor:
+    """Return a pool of processes for a number of independent diagnoses. jobs: number of processes; None: one per core.
+
+    Each diagnosis is computed by one process, unless the pool has a single process.
+    """
+    count = max(min(jobs or os.cpu_count() or 1, diagnoses), 1)
+    initializer = use_one_process if count > 1 else None
+    return ProcessPoolExecutor(count, mp_context=get_context("spawn"), initializer=initializer)
 
 
 class _Distribution:
