@@ -17,7 +17,7 @@ import pytest
 
 from taxel.gap.effects.catalogue import OWN_EFFECTS
 from taxel.gap.effects.effect import Prior
-from taxel.gap.fitting import parallel
+from taxel.gap.fitting import forked_workers, parallel
 from taxel.gap.fitting.parallel import MIN_PARALLEL_VALUES, map_in_processes, map_in_threads
 
 ITEMS = list(range(23))
@@ -168,7 +168,7 @@ def test_work_of_a_killed_process_is_repeated(state):
 
 
 def test_partially_received_results_of_a_killed_process_are_recomputed(state, monkeypatch):
-    here, real = os.getpid(), parallel._HEADER
+    here, real = os.getpid(), forked_workers._HEADER
 
     # The worker process exits before it sends the result of an item above 9.
     class FailingHeader:
@@ -180,7 +180,7 @@ def test_partially_received_results_of_a_killed_process_are_recomputed(state, mo
                 os._exit(1)
             return real.pack(number, size)
 
-    monkeypatch.setattr(parallel, "_HEADER", FailingHeader())
+    monkeypatch.setattr(forked_workers, "_HEADER", FailingHeader())
     big = map_in_processes(state, lambda item: (time.sleep(0.005), np.full(50_000, item))[1], ITEMS)
     assert [int(one[0]) for one in big] == ITEMS
 
