@@ -176,7 +176,7 @@ def guesses(monkeypatch):
         calls.append(real)
         return {"noise": 0.9}
 
-    monkeypatch.setattr(run, "ProcessPoolExecutor", InOneProcess)
+    monkeypatch.setattr(run, "open_diagnosis_pool", InOneProcess)
     monkeypatch.setattr(run, "load_entry", lambda name: guess)
     return calls
 

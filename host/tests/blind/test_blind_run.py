@@ -215,7 +215,7 @@ class FakeRunner:
     requests: ClassVar[list[str]] = []
     is_interrupted = threading.Event()
 
-    def __init__(self, out: Path) -> None:
+    def __init__(self, out: Path, shares_cores: bool = False) -> None:
         pass
 
     def diagnose(self, real: Path, sim: Path, out: Path, without=(), seed=0) -> None:

@@ -7,7 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from taxel.gap.effects.catalogue import OWN_EFFECTS
+from taxel.gap.effects.catalogue import OWN_EFFECTS, SIGNAL_FORMS, SIMULATED_SIGNAL_FORMS
+from taxel.gap.effects.signal_propagation import SignalPropagation
 
 CONTAINED = [
     ("saturation", "soft", [600.0], "smooth", [600.0, 1.0]),
@@ -44,7 +45,7 @@ def test_propagation_of_the_signal_keeps_the_sum_of_the_signals(state):
     is steeper at small forces.
     """
     before = state.signal_counts.sum()
-    by_signal = compute_signal(state, "contact_propagation", "signal power", [3.0, 0.5, 1.0]).sum()
+    by_signal = compute_signal(state, "contact_propagation", "counts power", [3.0, 0.5, 1.0]).sum()
     by_force = compute_signal(state, "contact_propagation", "kept power", [3.0, 0.5, 1.0]).sum()
     assert by_signal == pytest.approx(before, rel=0.05)
     assert by_force > 1.05 * before
@@ -52,13 +53,12 @@ def test_propagation_of_the_signal_keeps_the_sum_of_the_signals(state):
 
 @pytest.mark.parametrize("has_force", [True, False])
 def test_forms_that_spread_the_signal_depend_on_the_contact_forces(state, has_force):
-    """With contact forces only the forms with a shape are searched, and their change has an uncertain place."""
+    """With contact forces, the counts spread, and the change has an uncertain place."""
     if not has_force:
         state = replace(state, base=replace(state.base, force=None, signal_counts=state.signal_counts))
-    forms = [form for form in OWN_EFFECTS["contact_propagation"] if form.variant.startswith("signal")]
+    forms = [form for form in OWN_EFFECTS["contact_propagation"] if isinstance(form, SignalPropagation)]
     available = [form for form in forms if not form.find_unavailable_reason(state)]
-    shaped = ["signal power", "signal added power"]
-    assert [form.variant for form in available] == (shaped if has_force else ["signal", "signal added", *shaped])
+    assert tuple(form.variant for form in available) == (SIMULATED_SIGNAL_FORMS if has_force else SIGNAL_FORMS)
     assert all((len(form.change_errors) > 1) == has_force for form in available)
 
 

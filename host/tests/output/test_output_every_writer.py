@@ -24,7 +24,7 @@ ALLOWED = {
     "host/taxel/emulated/contact.py": TEMPORARY,
     "host/taxel/gap/apply/user_simulator.py": "file in the temporary folder of `open_temporary_output`",
     "host/taxel/gap/apply/rewriting.py": "copy in the temporary folder of `open_temporary_output`",
-    "host/taxel/gap/fitting/parallel.py": "pipe to a process",
+    "host/taxel/gap/fitting/forked_workers.py": "pipe to a process",
     "host/taxel/link/emulator.py": TEMPORARY,
     "host/taxel/link/virtual/world.py": TEMPORARY,
     "host/taxel/recording/importers/source_ros.py": "SQLite database, opened for reading only",

@@ -37,8 +37,8 @@ PRESSURE_FORMS = ("kept", "added", "kept even", "added even", "kept power", "add
 SIGNAL_FORMS = ("signal", "signal added", "signal power", "signal added power")
 """Forms of contact propagation with a spread of the signal, for a simulation without contact forces."""
 
-SIMULATED_SIGNAL_FORMS = ("signal power", "signal added power")
-"""The same for a simulation with contact forces. These forms contain the other two, which saves fits."""
+SIMULATED_SIGNAL_FORMS = ("counts power", "counts added power")
+"""The same for a simulation with contact forces: its counts spread. Exponential kernels have the shape 1."""
 
 Forms = Mapping[str, Sequence[Effect]]
 """Forms of each effect, by name of the effect."""

@@ -70,6 +70,8 @@ class SignalPropagation(Effect):
 class SimulatedSignalPropagation(SignalPropagation):
     """Propagation of the signal that a simulation computes from contact forces.
 
+    variant `counts power`, `counts added power`: as `signal power` and `signal added power`.
+
     It differs from a spread of the forces where the signal is not proportional to the force: the sum of the signals is
     kept instead of the sum of the forces. The simulated place of contact has an error, so the change has one, too.
     """

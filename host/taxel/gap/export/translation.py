@@ -145,7 +145,8 @@ def _translate_propagation(source: ExportSource, reported_effect: ReportedEffect
     """
     if not source.layouts:
         raise UntranslatableError(f"the positions of the taxels are needed: {source.missing}")
-    if not form.startswith("signal"):
+    spreads_signal = form.startswith(("signal", "counts"))
+    if not spreads_signal:
         _require_model(source)
     spread, strength, *shape = (source.expand_values(reported_effect, name) for name in reported_effect.parameters)
     boards = []
@@ -165,7 +166,7 @@ def _translate_propagation(source: ExportSource, reported_effect: ReportedEffect
         assert source.model is not None
         half_n = 0.5 * float(np.mean(source.model.half_force_n))  # as in `pillar_propagation._compute_unit_gain`
         return [{"kind": "pillars", "boards": boards, "half_depth_n": half_n}]
-    return [{"kind": "mix_signal" if form.startswith("signal") else "mix_force", "boards": boards}]
+    return [{"kind": "mix_signal" if spreads_signal else "mix_force", "boards": boards}]
 
 
 def _translate_stiffness(source: ExportSource, reported_effect: ReportedEffect, form: str) -> list[Step]:
