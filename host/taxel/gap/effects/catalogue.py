@@ -48,8 +48,8 @@ OWN_EFFECTS: Mapping[str, tuple[Effect, ...]] = MappingProxyType(
         "contact_propagation": (
             *(ContactPropagation(variant) for variant in PRESSURE_FORMS),
             PillarPropagation(),
-            *(SignalPropagation(variant) for variant in SIGNAL_FORMS),
             *(SimulatedSignalPropagation(variant) for variant in SIMULATED_SIGNAL_FORMS),
+            *(SignalPropagation(variant) for variant in SIGNAL_FORMS),
         ),
         "electrode_crosstalk": (
             ElectrodeCrosstalk("lines"),
