@@ -41,7 +41,7 @@ from taxel.gap.fitting.parallel import open_diagnosis_pool
 from taxel.output import AppendedLines, read_complete_lines, write_whole
 from taxel.types import FloatArray
 
-MADE = "world.json"
+MADE = "made.json"
 """File in the folder of a world whose datasets are complete."""
 
 EVIDENCE = "evidence.jsonl"

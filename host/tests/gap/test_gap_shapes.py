@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from taxel.gap.effects.catalogue import OWN_EFFECTS, SIGNAL_FORMS, SIMULATED_SIGNAL_FORMS
+from taxel.gap.effects.catalogue import COUNTS_FORMS, OWN_EFFECTS, SIGNAL_FORMS
 from taxel.gap.effects.signal_propagation import SignalPropagation
 
 CONTAINED = [
@@ -58,7 +58,7 @@ def test_forms_that_spread_the_signal_depend_on_the_contact_forces(state, has_fo
         state = replace(state, base=replace(state.base, force=None, signal_counts=state.signal_counts))
     forms = [form for form in OWN_EFFECTS["contact_propagation"] if isinstance(form, SignalPropagation)]
     available = [form for form in forms if not form.find_unavailable_reason(state)]
-    assert tuple(form.variant for form in available) == (SIMULATED_SIGNAL_FORMS if has_force else SIGNAL_FORMS)
+    assert tuple(form.variant for form in available) == (COUNTS_FORMS if has_force else SIGNAL_FORMS)
     assert all((len(form.change_errors) > 1) == has_force for form in available)
 
 

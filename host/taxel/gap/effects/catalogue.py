@@ -19,7 +19,7 @@ from taxel.gap.effects.pillar_propagation import PillarPropagation
 from taxel.gap.effects.pose_error import PoseError
 from taxel.gap.effects.proximity import Proximity
 from taxel.gap.effects.saturation import Saturation
-from taxel.gap.effects.signal_propagation import SignalPropagation, SimulatedSignalPropagation
+from taxel.gap.effects.signal_propagation import CountsPropagation, SignalPropagation
 from taxel.gap.effects.sticking import Sticking
 from taxel.gap.effects.stiffness import CurvedStiffness, Sinking, Stiffness
 from taxel.gap.errors import GapInputError
@@ -37,7 +37,7 @@ PRESSURE_FORMS = ("kept", "added", "kept even", "added even", "kept power", "add
 SIGNAL_FORMS = ("signal", "signal added", "signal power", "signal added power")
 """Forms of contact propagation with a spread of the signal, for a simulation without contact forces."""
 
-SIMULATED_SIGNAL_FORMS = ("counts power", "counts added power")
+COUNTS_FORMS = ("counts power", "counts added power")
 """The same for a simulation with contact forces: its counts spread. Exponential kernels have the shape 1."""
 
 Forms = Mapping[str, Sequence[Effect]]
@@ -48,7 +48,7 @@ OWN_EFFECTS: Mapping[str, tuple[Effect, ...]] = MappingProxyType(
         "contact_propagation": (
             *(ContactPropagation(variant) for variant in PRESSURE_FORMS),
             PillarPropagation(),
-            *(SimulatedSignalPropagation(variant) for variant in SIMULATED_SIGNAL_FORMS),
+            *(CountsPropagation(variant) for variant in COUNTS_FORMS),
             *(SignalPropagation(variant) for variant in SIGNAL_FORMS),
         ),
         "electrode_crosstalk": (

@@ -76,11 +76,9 @@ class ElectrodeCrosstalk(Effect):
             mixing = np.tensordot(block_values[: len(board.coupling)], board.coupling[: len(block_values)], axes=1)
             if self._has_own_loss:  # own_ratio (row 4) times the sum of the absolute fractions (rows 0 to 3)
                 mixing[np.diag_indices_from(mixing)] += block_values[4] * np.abs(block_values[:4]).sum()
-            gained = board_counts[rows] @ mixing
-            if isinstance(board.columns, slice):
-                result[rows, :, board.columns] += gained
-            else:
-                result[np.ix_(rows, np.arange(signal_counts.shape[1]), board.columns)] += gained
+            board_result = result[:, :, board.columns]  # a view or a copy, see `make_column_index`
+            board_result[rows] += board_counts[rows] @ mixing
+            result[:, :, board.columns] = board_result
         return signal.with_signal_counts(result)
 
 

@@ -43,11 +43,11 @@ class SignalPropagation(Effect):
         return values
 
     def find_unavailable_reason(self, state: State) -> str:
-        """Return why the form is unavailable: with contact forces, forces spread instead of signals; otherwise as in
+        """Return why the form is unavailable: with contact forces, `CountsPropagation` applies; otherwise as in
         `Effect`.
         """
-        if state.has_force:
-            return "the simulation has contact forces, which spread instead of signals"
+        if state.has_force and not self.needs_force:
+            return "the simulation has contact forces, for which other forms apply"
         return super().find_unavailable_reason(state)
 
     def apply(self, state: State, signal: Signal, values: FloatArray) -> Signal:
@@ -67,8 +67,8 @@ class SignalPropagation(Effect):
         return signal.with_signal_counts(result)
 
 
-class SimulatedSignalPropagation(SignalPropagation):
-    """Propagation of the signal that a simulation computes from contact forces.
+class CountsPropagation(SignalPropagation):
+    """Propagation of the signal, in counts, that a simulation computes from contact forces.
 
     variant `counts power`, `counts added power`: as `signal power` and `signal added power`.
 
@@ -76,12 +76,5 @@ class SimulatedSignalPropagation(SignalPropagation):
     kept instead of the sum of the forces. The simulated place of contact has an error, so the change has one, too.
     """
 
+    needs_force: ClassVar[bool] = True
     change_errors: ClassVar[tuple[float, ...]] = ContactPropagation.change_errors
-
-    def find_unavailable_reason(self, state: State) -> str:
-        """Return why the form is unavailable: without contact forces, `SignalPropagation` applies; otherwise as in
-        `Effect`.
-        """
-        if not state.has_force:
-            return "the simulation has no contact forces"
-        return Effect.find_unavailable_reason(self, state)

@@ -42,11 +42,17 @@ def run_in_processes(
     order: indices of the items in the order in which they are started. workers: number of forked processes. All
     processes read the index of their next item from one pipe until the pipe is empty.
     """
-    with _block_interrupts():
-        try:
-            remaining, forked = _fork_workers(work, items, order, workers)
-        except OSError:
-            return None
+    try:
+        remaining = _open_queue(order)
+    except OSError:
+        return None
+    forked: list[_Worker] = []
+    with _block_interrupts(), suppress(OSError):  # after a failure, the processes that were forked before do the work
+        for _ in range(workers):
+            forked.append(_fork_worker(work, items, remaining, forked))
+    if not forked:
+        remaining.close()
+        return None
     results_by_index: dict[int, Result] = {}
     try:
         while index_byte := remaining.read(1):
@@ -79,28 +85,12 @@ def _end_worker(worker: _Worker) -> None:
         os.waitpid(worker.pid, 0)
 
 
-def _fork_workers(
-    work: Callable[[Any], Any], items: list[Any], order: Sequence[int], workers: int
-) -> tuple[BinaryIO, list[_Worker]]:
-    """Fork worker processes; return the pipe with the indices of the remaining items, and the processes.
-
-    The workers process items at once, see `_run_worker`. Raises OSError if the first pipe or process cannot be created;
-    later failures only reduce the number of workers.
-    """
+def _open_queue(order: Sequence[int]) -> BinaryIO:
+    """Return the pipe with the indices of the remaining items. Raises OSError if no pipe can be created."""
     reading, writing = os.pipe()
     with os.fdopen(writing, "wb") as queue:
         queue.write(bytes(order))
-    remaining = os.fdopen(reading, "rb", 0)
-    forked: list[_Worker] = []
-    for _ in range(workers):
-        try:
-            forked.append(_fork_worker(work, items, remaining, forked))
-        except OSError:
-            break
-    if not forked:
-        remaining.close()
-        raise BlockingIOError("no process can be forked")
-    return remaining, forked
+    return os.fdopen(reading, "rb", 0)
 
 
 def _fork_worker(

@@ -44,8 +44,12 @@ def count_processes() -> int:
     """Return the number of processes that share work: one for each core that this process may use, at most
     `MAX_PROCESSES`.
     """
-    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-    return min(cores, MAX_PROCESSES)
+    return min(_count_cores(), MAX_PROCESSES)
+
+
+def _count_cores() -> int:
+    """Return the number of cores that this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def map_in_processes(
@@ -92,7 +96,7 @@ def open_diagnosis_pool(jobs: int | None, diagnoses: int) -> ProcessPoolExecutor
 
     Each diagnosis is computed by one process, unless the pool has a single process.
     """
-    count = max(min(jobs or os.cpu_count() or 1, diagnoses), 1)
+    count = max(min(jobs or _count_cores(), diagnoses), 1)
     initializer = use_one_process if count > 1 else None
     return ProcessPoolExecutor(count, mp_context=get_context("spawn"), initializer=initializer)
 

@@ -184,9 +184,7 @@ class State:
             return signal.signal_counts
         assert signal.force is not None
         half = self.sensor_model.half_force_n * signal.law_scale
-        signal_counts = np.asarray(self.sensor_model.full_scale_drop_counts * signal.force)
-        signal_counts /= signal.force + half
-        return signal_counts
+        return np.asarray(self.sensor_model.full_scale_drop_counts * signal.force / (signal.force + half))
 
     @cached_property
     def mean_difference(self) -> FloatArray:
