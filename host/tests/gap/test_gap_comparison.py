@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.stats import linregress
 
 from host.tests.gap.stiffer_layer import stiffen
 from taxel.gap.calibration.calibration import NO_GAP, UNKNOWN, Calibration, Logistic, combine_inputs, load_calibration
@@ -15,7 +16,7 @@ from taxel.gap.comparison.compare import compare
 from taxel.gap.comparison.density import CERTAIN, BlockDensity, UncertainChange, fit_density
 from taxel.gap.comparison.evidence import EffectEvidence, RemainderEvidence
 from taxel.gap.comparison.held_out import predict_held_out
-from taxel.gap.comparison.load_trend import compute_load_trend
+from taxel.gap.comparison.load_trend import compute_load_trend, compute_slope_t
 from taxel.gap.comparison.settings import DEFAULT_SETTINGS
 from taxel.gap.comparison.weights import compute_set_weights
 from taxel.gap.data.prepare import prepare_pair
@@ -290,6 +291,20 @@ def test_gains_that_depend_on_the_load_are_less_probable(fit_data, seed):
     assert compute_load_trend(fit_data.state, dependent) > 5.0
     priors = [search.compute_log_prior(CompositeModel((one,))) for one in (independent, dependent)]
     assert priors[1] < priors[0] - 10.0
+
+
+def test_t_value_of_a_slope_agrees_with_the_regression_of_scipy():
+    rng = np.random.default_rng(5)
+    x, y = rng.normal(size=20), rng.normal(size=20)
+    for slope in (0.0, 0.3, -2.0):
+        regression = linregress(x, y + slope * x)
+        assert compute_slope_t(x, y + slope * x) == pytest.approx(abs(regression.slope / regression.stderr))
+
+
+def test_t_value_of_an_undetermined_slope_is_0():
+    x = np.arange(9.0)
+    assert compute_slope_t(np.ones(9), x) == 0.0  # all x are equal
+    assert compute_slope_t(x, np.ones(9)) == 0.0  # no deviation from a line
 
 
 def test_only_properties_of_boards_and_taxels_have_a_load_trend(fit_data, fitted):

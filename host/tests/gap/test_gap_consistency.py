@@ -49,6 +49,13 @@ def test_the_evidence_of_random_amplitudes_is_that_of_a_probability():
     assert np.mean(np.array(evidence) > -np.log(0.01)) == pytest.approx(0.01, abs=0.005)
 
 
+def test_equal_amplitudes_have_finite_evidence():
+    """Without any variation between the units, the probability is 0 within the precision of the computer."""
+    found = compute_consistency(np.full(5, 2.0), np.ones(5))
+    assert found.amplitude == 2.0
+    assert 100.0 < found.evidence < np.inf
+
+
 @pytest.mark.parametrize("squares", [[], [4.0], [4.0, 0.0]])
 def test_fewer_than_two_units_have_no_evidence(squares):
     assert compute_consistency(np.array(squares), np.array(squares)) == NO_EVIDENCE
